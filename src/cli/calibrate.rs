@@ -26,7 +26,7 @@ pub struct CalibrateArgs {
     /// Folder of a trained detector, or a checkpoint; the scores are written into it. With --judge also `small`
     run: PathBuf,
     /// Who decides on harm: another than the network itself has scores of its own, which are told and written nowhere: for
-    /// `drive JUDGE:RUN@SCORE`
+    /// `drive JUDGE:RUN@BRAKE,WARN`
     #[arg(long, value_parser = one_of(Judge::ALL, Judge::name), default_value = "network")]
     judge: Judge,
     #[command(flatten)]
@@ -113,6 +113,7 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
             missed_per_event: point.missed_per_event,
             driven_km: alarms.driven_km,
             n_samples: samples.len(),
+            sample_period_s: eval::mean_period_s(&samples),
         })
     };
     let chosen = OperatingScores { warning: chosen(&alarms.points[0])?, braking: chosen(&alarms.points[1])? };
@@ -127,7 +128,9 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
             format!("kept in {}", path.display())
         }
         None => {
-            format!("for `drive {}:{}@{:.3}`", args.judge.name(), args.run.display(), chosen.braking.score)
+            // Every digit: what is surer than nearly all lies close to one.
+            let (judge, run) = (args.judge.name(), args.run.display());
+            format!("for `drive {judge}:{run}@{},{}`", chosen.braking.score, chosen.warning.score)
         }
     };
     let words =
@@ -150,7 +153,9 @@ fn told(chosen: &OperatingScore) -> String {
         |share| format!("{:.1} % of the harmful events are missed", 100.0 * share),
     );
     let OperatingScore { score, false_alarms_per_km, driven_km, .. } = chosen;
+    let period =
+        chosen.sample_period_s.map_or_else(String::new, |of| format!(" at a sample every {of:.1} s"));
     format!(
-        "a score of {score:.3}: {false_alarms_per_km:.1} false alarms a kilometre over {driven_km:.3} km, {missed}"
+        "a score of {score:.3}: {false_alarms_per_km:.1} false alarms a kilometre over {driven_km:.3} km{period}, {missed}"
     )
 }

@@ -19,7 +19,7 @@ use crate::worker::Program;
 pub struct DriveArgs {
     /// Who drives: `blind` sees nothing; `truth`, the zone over the true boxes; a RUN (a folder, a checkpoint, or `small`, the
     /// network inside the program); `JUDGE:RUN`, such as `zone:small`, a rule over the network's boxes; `exec:COMMAND`, a
-    /// detector of your own (docs/drive.md). NAME=.. gives one a name, RUN@0.3 the score from which it brakes hard
+    /// detector of your own (docs/drive.md). NAME=.. gives one a name, RUN@0.5 the score from which it brakes hard, RUN@0.5,0.3 also the one from which it brakes a little
     #[arg(required = true, value_name = "WHO")]
     drivers: Vec<String>,
     /// Folder of the drives; the same command again goes on where it stopped

@@ -99,6 +99,9 @@ pub fn run(args: EvalArgs) -> anyhow::Result<ExitStatus> {
         bail!("--engine ray runs a network on the cluster: give a RUN in place of --predictions");
     }
     let samples = samples(&args, &opened, scored.as_ref())?;
+    let chosen = opened.trained()?.map(|trained| trained.operating_score()).transpose()?.flatten();
+    let other_period = chosen.zip(eval::mean_period_s(&samples)).and_then(|(of, s)| of.tell_other_period(s));
+    other_period.into_iter().for_each(tell);
     let evaluation = eval::evaluate(&samples, &protocol, mode).with_context(|| match &args.predictions {
         Some(found) => {
             let truth = args.truth.as_ref().map(|path| path.display().to_string());

@@ -12,9 +12,11 @@ use smallvec::SmallVec;
 use super::DatasetError;
 use super::coverage::CameraFacts;
 use crate::episode::{EpisodeMeta, Labelled, LogFacts};
-use crate::geometry::{Box3, Ego, Point, Point2, convex_signed_distance_m, distance_to_convex_m};
+use crate::geometry::{
+    Box3, Ego, Frame, Lidar, Point, Point2, convex_signed_distance_m, distance_to_convex_m,
+};
 use crate::sample::{EgoState, IgnoredRegion, LidarPoint, Measured};
-use crate::sensors::{Weather, WeatherOverride};
+use crate::sensors::{RigConfig, Weather, WeatherOverride};
 use crate::zone::{Zone, ZoneAt};
 
 /// Facts of a sample.
@@ -35,7 +37,7 @@ pub struct SampleFacts {
     pub mor_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rain_rate_mmph: Option<f64>,
-    /// Rings of the LiDAR with a point: its beams, less those that met nothing.
+    /// Beams of the LiDAR that are alive, where the episode tells its rig; else its rings with a point.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub n_lidar_rings: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -134,6 +136,7 @@ impl Origin {
             weather: Some(meta.weather.clone()),
             mor_m: state.map(|state| state.mor_m),
             rain_rate_mmph: state.map(|state| state.rain_rate_mmph),
+            n_lidar_rings: n_beams(&meta.rig_toml),
             labelled: log.and_then(|log| log.labelled.clone()),
             ..SampleFacts::default()
         };
@@ -160,7 +163,7 @@ impl Origin {
             ignored,
             is_unlabelled,
             time_s: Some(measured.time_ns.saturating_sub(self.start_ns) as f64 * 1e-9),
-            n_lidar_rings: n_rings(&measured.points),
+            n_lidar_rings: self.facts.n_lidar_rings.or_else(|| n_rings(&measured.points)),
             speed_mps: Some(state.speed_mps),
             steering_angle_rad: Some(state.steering_angle_rad),
             position_in_world_m: Some([origin.x(), origin.y()]),
@@ -169,6 +172,13 @@ impl Origin {
             ..self.facts.clone()
         }
     }
+}
+
+/// Beams of the LiDAR on the roof that are alive; none where the rig is not told.
+fn n_beams(rig_toml: &str) -> Option<u32> {
+    let rig: RigConfig = (!rig_toml.trim().is_empty()).then(|| toml::from_str(rig_toml).ok())??;
+    let top = rig.lidars.get(Lidar::NAME)?;
+    Some(top.n_beams().checked_sub(top.lost_beams.len())? as u32)
 }
 
 /// Rings with a point; none of an empty cloud, of which nobody knows what made it.
@@ -249,6 +259,24 @@ mod tests {
             assert!(error.contains(told) && error.contains("e.mcap"), "{error}");
         }
     }
+
+    #[test]
+    fn the_beams_are_those_of_the_rig_that_are_alive_whatever_they_met() {
+        let sample = test_data::dataset(1).samples()[0].clone();
+        let n_rings = |rig_toml: &str| {
+            let meta = EpisodeMeta { rig_toml: rig_toml.into(), ..test_data::episode_meta("ClearNoon", "") };
+            let origin = Origin::of_episode(&meta, None, Path::new("e.mcap"), 0).unwrap();
+            let dataset = test_data::dataset(1);
+            let mut measured = sample.measured.clone();
+            measured.points.clear();
+            let state = measured.ego_state;
+            origin.facts_of(&measured, &state, Some(vec![]), dataset.zone()).n_lidar_rings
+        };
+        assert_eq!(n_rings("[lidars.lidar_top]\npreset = \"vlp16\"\nlost_beams = [3, 4]"), Some(14));
+        assert_eq!(n_rings("[lidars.lidar_top]"), Some(32));
+        assert_eq!(n_rings(""), None, "nobody knows, and the cloud is empty");
+    }
+
     #[test]
     fn only_regions_of_the_picture_need_the_camera() {
         let sample = test_data::dataset(1).samples()[0].clone();

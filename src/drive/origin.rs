@@ -24,13 +24,17 @@ use crate::zone::Zone;
 pub(super) fn origin_of(who: &Who, config: &DriveConfig, device: DeviceName) -> Result<Origin, DriveError> {
     let reflex = &config.reflex;
     let (sha256, min_score, seen_from) = match &who.source {
-        Source::Network { run, judge, score } => {
+        Source::Network { run, judge, score, warning } => {
             let trained = Trained::find(run)?;
             check_judge(who, *judge, &trained, config)?;
             device.open()?;
-            let (scores, is_chosen) = network_scores(&trained, *judge, *score, reflex)?;
+            let (scores, is_chosen) = network_scores(&trained, *judge, [*score, *warning], reflex)?;
             if !is_chosen {
                 tell_unchosen(who, run, *judge, scores.sure);
+            }
+            let own = trained.braking_score()?.filter(|own| own.score == scores.sure);
+            if let Some(other) = own.and_then(|own| own.tell_other_period(config.world.sample_period_s)) {
+                tracing::warn!("{}: {other}", who.name);
             }
             (trained.sha256()?, Some(scores.sure), (scores.seen < scores.sure).then_some(scores.seen))
         }

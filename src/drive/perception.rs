@@ -70,10 +70,10 @@ impl Perception {
             Source::External { command } => {
                 Self::External { command: command.clone(), reply_s, running: None }
             }
-            Source::Network { run, judge, score } => {
+            Source::Network { run, judge, score, warning } => {
                 let trained = Trained::find(run)?;
                 trained.check_sha256(sha256)?;
-                let (scores, _) = network_scores(&trained, *judge, *score, config)?;
+                let (scores, _) = network_scores(&trained, *judge, [*score, *warning], config)?;
                 let detector = trained.load(device)?;
                 let (judge, device) = (*judge, device.clone());
                 Self::Network(Box::new(Network { detector, judge, device, scores }))
@@ -150,20 +150,23 @@ pub(super) fn score_of_all(config: &ReflexConfig) -> Option<f64> {
 }
 
 /// The scores from which on a network's boxes count. The ego brakes fully from what was asked for with it, else the config's, else
-/// its own for braking; a rule over its boxes has none. They are there from the one that it warns from on, where the brake may be
-/// partial. And whether anybody chose the first.
+/// its own for braking; a rule over its boxes has none. They are there from the second that was asked for on, else from the one that it
+/// warns from, where the brake may be partial. And whether anybody chose the first.
 ///
 /// # Errors
 /// The checkpoint is broken.
 pub(super) fn network_scores(
     trained: &Trained,
     judge: Judge,
-    asked: Option<f64>,
+    [asked, asked_for_warning]: [Option<f64>; 2],
     config: &ReflexConfig,
 ) -> Result<(CountsFrom, bool), TrainedError> {
     let own = trained.braking_score()?.filter(|_| judge == Judge::Network).map(|own| own.score);
     let chosen = asked.or(score_of_all(config)).or(own);
-    let warning = trained.eval_config()?.operating_score;
+    let warning = match asked_for_warning {
+        Some(asked) => asked,
+        None => trained.eval_config()?.operating_score,
+    };
     let sure = chosen.unwrap_or(warning);
     let seen = if config.partial_mps2 > 0.0 { warning.min(sure) } else { sure };
     Ok((CountsFrom { sure, seen }, chosen.is_some()))
@@ -203,7 +206,7 @@ mod tests {
         let small = Trained::find("small".as_ref()).unwrap();
         let scores = |judge, asked, score| {
             let config = ReflexConfig { score, ..ReflexConfig::default() };
-            network_scores(&small, judge, asked, &config).unwrap()
+            network_scores(&small, judge, [asked, None], &config).unwrap()
         };
         let warning = small.operating_score().unwrap().unwrap().score;
         let braking = small.braking_score().unwrap().unwrap().score;
@@ -214,7 +217,7 @@ mod tests {
         assert_eq!(scores(Judge::Network, Some(0.1), 0.6), (of(0.1, 0.1), true));
         let partial_mps2 = 0.0;
         let config = ReflexConfig { partial_mps2, ..ReflexConfig::default() };
-        let found = network_scores(&small, Judge::Network, None, &config).unwrap();
+        let found = network_scores(&small, Judge::Network, [None; 2], &config).unwrap();
         assert_eq!(found, (of(braking, braking), true));
         // Its scores are not those of a rule.
         assert_eq!(scores(Judge::Zone, None, 0.0), (of(warning, warning), false));

@@ -1,4 +1,4 @@
-//! The part of the samples that is scored: boxes within the range, and true objects that the LiDAR hit.
+//! The part of the samples that is scored: boxes within the range, and true objects that the LiDAR hit; and which truths it leaves out.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +16,10 @@ pub struct KeptSample<'a> {
     pub facts: &'a SampleFacts,
     pub objects: Vec<&'a LabelledObject>,
     pub detections: Vec<&'a Detection>,
+    /// Objects within the range that the LiDAR did not hit. No recall and no AP counts them, but who warns of one is not wrong.
+    pub unhit: Vec<&'a LabelledObject>,
+    /// Objects out of the range, or beyond the annotated one: no figure counts them, but their harm is known.
+    pub far: Vec<&'a LabelledObject>,
     /// For each detection, why it is neither right nor wrong if no truth accounts for it; empty where the truth leaves out
     /// nothing.
     neutral: Vec<Option<NeutralReason>>,
@@ -75,30 +79,33 @@ pub(super) fn filter<'a>(samples: &'a [EvalSample], config: &EvalConfig) -> (Vec
         let (x_m, y_m) = (of.center.x(), of.center.y());
         (x_m * x_m + y_m * y_m).sqrt() < config.max_range_m
     };
-    let mut keep_object = |object: &&LabelledObject| {
-        let is_in_range = is_near(&object.truth.box_in_ego);
-        let has_points = !config.drop_truths_without_points || object.truth.is_hit();
-        filters.truths_out_of_range += usize::from(!is_in_range);
-        filters.truths_without_points += usize::from(is_in_range && !has_points);
-        is_in_range && has_points
-    };
     let mut detections_out_of_range = 0;
     let mut keep_detection = |detection: &Detection| {
         let is_in_range = is_near(&detection.box_in_ego);
         detections_out_of_range += usize::from(!is_in_range);
         is_in_range
     };
-    let mut truths_beyond_labelled = 0;
     let kept = samples
         .iter()
         .filter(|sample| !sample.facts.is_unlabelled)
         .map(|sample| {
             let gaps = Gaps::of(&sample.facts, &sample.objects);
-            let mut objects: Vec<_> = sample.objects.iter().filter(&mut keep_object).collect();
-            if let Some(gaps) = &gaps {
-                let n_objects = objects.len();
-                objects.retain(|object| !gaps.is_beyond_range(&object.truth.box_in_ego));
-                truths_beyond_labelled += n_objects - objects.len();
+            let (mut objects, mut unhit, mut far) = (Vec::new(), Vec::new(), Vec::new());
+            for object in &sample.objects {
+                let of = &object.truth.box_in_ego;
+                let is_beyond = gaps.as_ref().is_some_and(|gaps| gaps.is_beyond_range(of));
+                if !is_near(of) {
+                    filters.truths_out_of_range += 1;
+                    far.push(object);
+                } else if config.drop_truths_without_points && !object.truth.is_hit() {
+                    filters.truths_without_points += 1;
+                    if is_beyond { &mut far } else { &mut unhit }.push(object);
+                } else if is_beyond {
+                    filters.truths_beyond_labelled += 1;
+                    far.push(object);
+                } else {
+                    objects.push(object);
+                }
             }
             let mut detections = Vec::with_capacity(sample.detections.len());
             let mut neutral = Vec::new();
@@ -110,10 +117,9 @@ pub(super) fn filter<'a>(samples: &'a [EvalSample], config: &EvalConfig) -> (Vec
                     neutral.push(gaps.find_reason(&found.box_in_ego, n_points));
                 }
             }
-            KeptSample { id: &sample.id, facts: &sample.facts, objects, detections, neutral }
+            KeptSample { id: &sample.id, facts: &sample.facts, objects, detections, unhit, far, neutral }
         })
         .collect();
-    (filters.detections_out_of_range, filters.truths_beyond_labelled) =
-        (detections_out_of_range, truths_beyond_labelled);
+    filters.detections_out_of_range = detections_out_of_range;
     (kept, filters)
 }

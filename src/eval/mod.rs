@@ -28,8 +28,10 @@ pub mod sweep;
 pub mod versus;
 
 /// Number of the rules by which scores are made: raised with each change of them, or of what a rival's boxes are, so that scores that were
-/// kept by other rules are made anew. 2: a closed set's boxes are ranked by the sum of their kinds.
-pub const SCORING: u32 = 2;
+/// kept by other rules are made anew. 2: a closed set's boxes are ranked by the sum of their kinds. 3: so are those that its own rules judge; an
+/// event goes on where the filters drop its object; an alarm on a harmful object that the LiDAR did not hit is not false; a LiDAR's beams are its
+/// rig's.
+pub const SCORING: u32 = 3;
 
 pub use axis::Axis;
 pub use bootstrap::{Confidence, Intervals, interval, resample};
@@ -42,4 +44,4 @@ pub use matching::{PerClass, center_distance_m};
 pub use metrics::{ClassScores, Column, Columns, Counts, Metrics, OutcomeCounts, TpErrors, TruthCounts};
 pub use neutral::{NeutralCounts, NeutralReason};
 pub use protocol::{BreakdownConfig, EvalConfig, MissingClass, Protocol, SafetyConfig};
-pub use sample::{EvalSample, Mode, ScoreError, eval_samples};
+pub use sample::{EvalSample, Mode, ScoreError, eval_samples, mean_period_s};

@@ -1,5 +1,7 @@
 //! One sample to be scored: what is there, and what was detected.
 
+use std::collections::BTreeMap;
+
 use thiserror::Error;
 
 use super::protocol::Protocol;
@@ -125,4 +127,17 @@ pub(super) fn check(samples: &[EvalSample], protocol: &Protocol, mode: Mode) -> 
 #[must_use]
 pub fn eval_samples(samples: &[LabelledSample], found: &[Vec<Detection>]) -> Vec<EvalSample> {
     samples.iter().zip(found).map(|(sample, found)| EvalSample::of(sample, found.clone())).collect()
+}
+/// Mean time between two samples of an episode, seconds; `None` where no episode with known times has two.
+#[must_use]
+pub fn mean_period_s(samples: &[EvalSample]) -> Option<f64> {
+    let mut spans_s: BTreeMap<&str, (usize, f64, f64)> = BTreeMap::new();
+    for facts in samples.iter().map(|sample| &sample.facts) {
+        let (episode, time_s) = (facts.episode.as_deref()?, facts.time_s?);
+        let (n, first_s, last_s) = spans_s.entry(episode).or_insert((0, time_s, time_s));
+        (*n, *first_s, *last_s) = (*n + 1, first_s.min(time_s), last_s.max(time_s));
+    }
+    let n_gaps: usize = spans_s.values().map(|(n, ..)| n - 1).sum();
+    let all_s: f64 = spans_s.values().map(|(_, first_s, last_s)| last_s - first_s).sum();
+    (all_s > 0.0).then(|| all_s / n_gaps as f64)
 }

@@ -3,18 +3,23 @@
 //! Each is scored on the same resamples of the episodes ([`super::bootstrap`]), and a gain's interval is that of the differences within
 //! them. Detectors fail on the same episodes, so it is far narrower than the intervals of the two suggest. Runs of one training
 //! that differ in their seed may count as one detector: its figures are their means, over all and in each resample. An interval
-//! then tells what other episodes would change; what another seed would change, the runs' own figures tell.
+//! then tells what other episodes would change. Where both detectors are of as many runs, another interval of the gain tells what other
+//! episodes and other seeds would change: run by run the gains have a mean whose standard error is known, and the interval's ends
+//! move away by it, times the quantile of Student's t for so few, as two independent errors add (the root of the squares' sum).
 //!
 //! A part of the samples (fog, night, few rings) is scored with all of its false positives. Of a part of the objects only what was
 //! made on them counts, as in the breakdowns: such a score tells how a part fares with each detector, not how it fares
 //! beside other parts.
 
-use std::ops::Range;
+mod line;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::bootstrap::{Cell, Confidence, Resamples, interval};
+use self::line::Runs;
+pub use self::line::{VersusFigure, VersusLine};
+
+use super::bootstrap::{Cell, Confidence, Resamples};
 use super::matching::Matching;
 use super::metrics::{Column, mean};
 use super::part::Part;
@@ -44,64 +49,10 @@ pub struct Versus {
     pub mean: Vec<VersusLine>,
 }
 
-/// A figure of each detector.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct VersusLine {
-    pub name: String,
-    /// Objects, harmful objects or harmful events that it is of.
-    pub n_truths: usize,
-    /// One for each detector.
-    pub figures: Vec<VersusFigure>,
-}
-
-/// A detector's figure and what it is more than the first one's. `None` where it cannot be told.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct VersusFigure {
-    pub value: Option<f64>,
-    pub interval: Option<[f64; 2]>,
-    pub over_first: Option<f64>,
-    pub over_first_interval: Option<[f64; 2]>,
-    /// Each run's own figure, where the detector is of several; else empty.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub runs: Vec<Option<f64>>,
-}
-
-impl VersusLine {
-    /// From each run's value, over all and in each resample.
-    fn new(
-        name: String,
-        n_truths: usize,
-        values: &[Option<f64>],
-        resampled: &[Vec<Option<f64>>],
-        runs: &Runs,
-    ) -> Self {
-        let over = |of: &[Option<f64>], i: usize| Some(runs.mean(of, i)? - runs.mean(of, 0)?);
-        let figure = |i: usize| VersusFigure {
-            value: runs.mean(values, i),
-            interval: interval(resampled.iter().filter_map(|of| runs.mean(of, i))),
-            over_first: over(values, i),
-            over_first_interval: interval(resampled.iter().filter_map(|of| over(of, i))),
-            runs: Some(&values[runs.0[i].clone()]).filter(|of| of.len() > 1).unwrap_or_default().to_vec(),
-        };
-        Self { name, n_truths, figures: (0..runs.0.len()).map(figure).collect() }
-    }
-}
-
 /// Name of the line of AP that is of a column.
 #[must_use]
 pub fn column_name(column: Column) -> String {
     Part::Column(column).name()
-}
-
-/// Each detector's place among all runs.
-struct Runs(Vec<Range<usize>>);
-
-impl Runs {
-    /// A detector's value, the mean of its runs; none where one has none.
-    fn mean(&self, of_runs: &[Option<f64>], detector: usize) -> Option<f64> {
-        let values: Option<Vec<f64>> = of_runs[self.0[detector].clone()].iter().copied().collect();
-        values.map(|values| mean(&values))
-    }
 }
 
 /// A run of a detector, by their places among those given, that cannot be scored.

@@ -36,7 +36,7 @@ pub(super) struct Drive {
     /// The town's lights that stand in the world, and the states of all the town's lights.
     lights: Vec<usize>,
     shown: Vec<Aspect>,
-    ego_body: usize,
+    pub ego_body: usize,
     /// Body of each of the scene's objects, in its order.
     pub object_bodies: Vec<usize>,
     /// Which look each object has.

@@ -1,6 +1,7 @@
 //! A world in motion around the ego with its sensors: what happens, and what is measured, moment by moment.
 
 mod ordered;
+mod side_of_entry;
 
 use std::path::Path;
 use std::time::Instant;
@@ -8,6 +9,7 @@ use std::time::Instant;
 use nalgebra::Vector3;
 use rand::RngExt;
 
+use self::side_of_entry::side_of_entry;
 use super::annotate::{Observation, annotate, describe, ignore};
 use super::aov::AovWriter;
 use super::appearance::Appearance;
@@ -55,7 +57,8 @@ pub struct Contact {
     /// Of the ego where it touches, its turning included, along the world's axes, just before.
     pub ego_mps: Vector3<f64>,
     pub other_mps: Vector3<f64>,
-    /// Out of the ego.
+    /// Out of the ego's body where it touches: of the side through which it came in. MuJoCo's own points the shortest way out, which is
+    /// up or aside for what is low or lies before a corner.
     pub normal: Vector3<f64>,
     /// Infinite for what is built into the street.
     pub mass_kg: f64,
@@ -218,7 +221,11 @@ impl<'a> LiveEpisode<'a> {
             Some(Motion::Still) => (Vector3::zeros(), self.still_mass_kg(object_idx)),
             None => (Vector3::zeros(), f64::INFINITY),
         };
-        let (body, ego_mps, normal) = (touch.body, touch.own_mps, touch.normal);
+        let (body, ego_mps) = (touch.body, touch.own_mps);
+        let world_from_ego = self.drive.poses[self.drive.ego_body].rotation;
+        let comes_mps = world_from_ego.inverse() * (other_mps - ego_mps);
+        let side = side_of_entry(&touch.point_m, &comes_mps);
+        let normal = side.map_or(touch.normal, |side| world_from_ego * side);
         Contact { object_idx, body, ego_mps, other_mps, normal, mass_kg }
     }
 

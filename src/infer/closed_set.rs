@@ -161,7 +161,7 @@ impl ClosedSet {
             let is_known = self.strangeness(score, one) <= threshold;
             let p = if is_known { self.harmful_share[one.kind_idx()] as f32 } else { 1.0 };
             for (harm, share) in [(Harm::Harmful, p), (Harm::Harmless, 1.0 - p)] {
-                let score = share * one.score;
+                let score = share * one.objectness;
                 if score >= MIN_SCORE {
                     let (box_in_ego, velocity_in_ego_mps) = (one.box_in_ego, one.velocity_in_ego_mps);
                     judged.push(Detection {
@@ -225,7 +225,7 @@ mod tests {
                 box_in_ego: object.truth.box_in_ego,
                 velocity_in_ego_mps: [0.0; 2],
                 spread: None,
-                score: 0.8,
+                score: 0.5,
                 objectness: 0.8,
                 logits,
                 features: features(i),

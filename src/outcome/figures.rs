@@ -78,6 +78,9 @@ pub struct Figures {
     pub n_struck: usize,
     /// Mean energy of the collisions, joules.
     pub mean_energy_j: Option<f64>,
+    /// The same with its interval; `None` in what older rules wrote.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy_j: Option<Measure>,
     /// By what, where and in what weather.
     pub groups: BTreeMap<String, Vec<GroupFigures>>,
 }
@@ -92,6 +95,9 @@ pub struct OverFirst {
     pub false_stops_per_km: Measure,
     #[serde(default)]
     pub stuck_per_km: Measure,
+    /// Mean energy of the collisions, joules; each driver's own collisions, which are not of the same worlds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy_j: Option<Measure>,
 }
 
 /// Compares drivers on the episodes that none of them failed in.
@@ -232,6 +238,7 @@ fn figures(who: &Who, of: Beside<'_>, n_failed: usize, first: Option<(&Who, Besi
         stuck_share: share_of(&End::Stuck),
         n_struck: outcomes.iter().map(|outcome| outcome.struck_by.len()).sum(),
         mean_energy_j: (!collisions.is_empty()).then(|| energy_j / collisions.len() as f64),
+        energy_j: Some(draws.ratio(Ratio::Mean, &|i| hit_j(&outcomes[i]), &|i| yes(of.hits(i)))),
         groups: groups(outcomes, blind, &draws, of_both, counted),
     }
 }
@@ -265,7 +272,17 @@ fn over(first: &Who, of: Beside<'_>, other: Beside<'_>, draws: &Draws) -> OverFi
         }),
         false_stops_per_km: per_km(&|outcome| outcome.n_false_stops() as f64),
         stuck_per_km: per_km(&|outcome| yes(outcome.end == End::Stuck)),
+        energy_j: Some(draws.difference(
+            Ratio::Mean,
+            [&|i| hit_j(&of.outcomes[i]), &|i| yes(of.hits(i))],
+            [&|i| hit_j(&other.outcomes[i]), &|i| yes(other.hits(i))],
+        )),
     }
+}
+
+/// Energy of a drive's collision, joules; 0 without one.
+fn hit_j(outcome: &DriveOutcome) -> f64 {
+    outcome.collision.as_ref().map_or(0.0, |collision| collision.energy_j)
 }
 
 #[cfg(test)]

@@ -24,6 +24,15 @@ pub struct Measure {
     pub interval: Option<[f64; 2]>,
 }
 
+impl Measure {
+    /// In another unit.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        let scale = |value: f64| factor * value;
+        Self { value: self.value.map(scale), interval: self.interval.map(|ends| ends.map(scale)) }
+    }
+}
+
 /// What a ratio is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ratio {

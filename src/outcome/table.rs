@@ -88,13 +88,16 @@ pub fn share_lines(figures: &[Figures]) -> Vec<String> {
         let Some(over) = &of.over_first else { continue };
         let avoided =
             over.avoided_share.map_or_else(String::new, |share| format!(", avoided {}", signed(share)));
+        let energy = over.energy_j.filter(|energy_j| energy_j.value.is_some());
+        let energy = energy.map(|energy_j| format!(", kJ a collision {}", signed(energy_j.scaled(1e-3))));
         lines.push(format!(
-            "{} against {}, in the same worlds: collisions an episode {}{avoided}, false stops a km {}, stuck a km {}.",
+            "{} against {}, in the same worlds: collisions an episode {}{avoided}, false stops a km {}, stuck a km {}{}.",
             of.who.name,
             over.than,
             signed(over.collision_share),
             signed(over.false_stops_per_km),
-            signed(over.stuck_per_km)
+            signed(over.stuck_per_km),
+            energy.unwrap_or_default()
         ));
     }
     lines
@@ -173,9 +176,8 @@ fn row(of: &Figures) -> Vec<String> {
 fn impact_row(of: &Figures) -> Vec<String> {
     let mut cells = vec![of.who.name.clone()];
     cells.extend(of.n_by_impact.iter().map(ToString::to_string));
-    cells.push(
-        of.mean_energy_j.map_or_else(|| "-".to_owned(), |energy_j| format!("{:.1}", energy_j / 1000.0)),
-    );
+    let energy_kj = of.energy_j.unwrap_or(Measure { value: of.mean_energy_j, interval: None }).scaled(1e-3);
+    cells.push(if energy_kj.value.is_some() { energy_kj.to_string() } else { "-".to_owned() });
     cells.extend([of.stopped_share, of.stuck_share].map(|share| format!("{:.0} %", 100.0 * share)));
     cells.push(of.n_struck.to_string());
     cells

@@ -24,6 +24,9 @@ pub enum Source {
         /// From which on a box counts; `None`: the config's, else the network's own.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         score: Option<f64>,
+        /// From which on it counts for a partial brake; `None`: the one that the network warns from.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        warning: Option<f64>,
     },
     /// A program that is asked for each sample (docs/drive.md).
     External { command: String },
@@ -38,7 +41,7 @@ pub struct Who {
 
 /// Of the rules by which a driver under test drives and its drives are counted; one more with each change of a figure. Drives of
 /// two are not compared.
-pub const DRIVING: u32 = 3;
+pub const DRIVING: u32 = 4;
 
 /// The rules before they had a number.
 fn first_driving() -> u32 {
@@ -84,13 +87,14 @@ impl Origin {
 pub enum WhoError {
     #[error(
         "`{text}` names nobody: valid are `blind`, `truth`, a RUN, `JUDGE:RUN` with one of {judges}, or `exec:COMMAND`; \
-             each may have a name before it, `NAME=..`, a RUN a score after it, `RUN@0.3`"
+             each may have a name before it, `NAME=..`, a RUN a score after it, `RUN@0.3`, or two, `RUN@0.5,0.3`"
     )]
     Unknown { text: String, judges: String },
     #[error("`{name}` is no name for a folder: letters, digits, `-`, `_` and `.` are, but for {}", RESERVED.join(", "))]
     BadName { name: String },
     #[error(
-        "`{text}`: {score} is no score, and no file is called so; a number above 0, up to 1, is needed after the @"
+        "`{text}`: {score} is no score, and no file is called so; a number above 0, up to 1, is needed after the @, or two, the second \
+             not above the first: from which on it brakes hard, and a little"
     )]
     BadScore { text: String, score: String },
 }
@@ -128,8 +132,21 @@ impl FromStr for Who {
 fn bad_score(source: &str) -> Option<&str> {
     let run = source.split_once(':').map_or(source, |(judge, run)| if judge == "exec" { "" } else { run });
     let (_, at) = run.rsplit_once('@')?;
-    let number: f64 = at.parse().ok()?;
-    (!is_score(number) && !Path::new(run).exists()).then_some(at)
+    let is_number = |text: &str| text.parse::<f64>().is_ok();
+    let are_numbers = at.split(',').all(is_number);
+    (are_numbers && scores_of(at).is_none() && !Path::new(run).exists()).then_some(at)
+}
+
+/// The score from which on it brakes hard, and the one from which on it brakes a little.
+fn scores_of(at: &str) -> Option<(f64, Option<f64>)> {
+    let score_of = |text: &str| text.parse().ok().filter(|&score| is_score(score));
+    match at.split_once(',') {
+        None => Some((score_of(at)?, None)),
+        Some((score, warning)) => {
+            let (score, warning) = (score_of(score)?, score_of(warning)?);
+            (warning <= score).then_some((score, Some(warning)))
+        }
+    }
 }
 
 fn is_score(score: f64) -> bool {
@@ -150,10 +167,10 @@ fn parse_source(text: &str) -> Option<Source> {
                 Some((judge, run)) => (Judge::named(judge)?, run),
                 None => (Judge::Network, text),
             };
-            let score_of = |at: &str| at.parse().ok().filter(|&score| is_score(score));
-            let at = run.rsplit_once('@').and_then(|(run, at)| Some((run, score_of(at)?)));
-            let (run, score) = at.map_or((run, None), |(run, score)| (run, Some(score)));
-            (!run.is_empty()).then(|| Source::Network { run: run.into(), judge, score })
+            let at = run.rsplit_once('@').and_then(|(run, at)| Some((run, scores_of(at)?)));
+            let (run, score, warning) =
+                at.map_or((run, None, None), |(run, (score, warning))| (run, Some(score), warning));
+            (!run.is_empty()).then(|| Source::Network { run: run.into(), judge, score, warning })
         }
     }
 }
@@ -165,14 +182,14 @@ impl Source {
             Self::Blind => "blind".to_owned(),
             Self::Truth => "truth".to_owned(),
             Self::External { .. } => "exec".to_owned(),
-            Self::Network { run, judge, score } => {
+            Self::Network { run, judge, score, warning } => {
                 let stem = Path::new(run).file_stem().map(|stem| stem.to_string_lossy().into_owned());
                 let plain = |c: char| if c.is_ascii_alphanumeric() || c == '_' { c } else { '-' };
                 let stem: String = stem.unwrap_or_default().chars().map(plain).collect();
                 let judge =
                     if *judge == Judge::Network { String::new() } else { format!("{}-", judge.name()) };
-                let score = score.map(|score| format!("-{score}")).unwrap_or_default();
-                format!("{judge}{stem}{score}")
+                let scores = score.iter().chain(warning).map(|score| format!("-{score}"));
+                format!("{judge}{stem}{}", scores.collect::<String>())
             }
         }
     }
@@ -193,7 +210,8 @@ mod tests {
         let parse = |text: &str| text.parse::<Who>().unwrap();
         assert_eq!(parse("blind").source, Source::Blind);
         assert_eq!(parse("truth").name, "truth");
-        let network = |run: &str, judge| Source::Network { run: run.into(), judge, score: None };
+        let network =
+            |run: &str, judge| Source::Network { run: run.into(), judge, score: None, warning: None };
         assert_eq!(parse("small"), Who { name: "small".into(), source: network("small", Judge::Network) });
         assert_eq!(parse("zone:runs/a").name, "zone-a");
         assert_eq!(
@@ -208,8 +226,11 @@ mod tests {
         assert_eq!(at.name, "zone-a-0.25");
         assert_eq!(
             at.source,
-            Source::Network { run: "runs/a".into(), judge: Judge::Zone, score: Some(0.25) }
+            Source::Network { run: "runs/a".into(), judge: Judge::Zone, score: Some(0.25), warning: None }
         );
+        let at = parse("zone:runs/a@0.5,0.25");
+        assert_eq!(at.name, "zone-a-0.5-0.25");
+        assert!(matches!(at.source, Source::Network { score: Some(0.5), warning: Some(0.25), .. }));
         // What is no score belongs to the path.
         assert_eq!(parse("runs/a@b").source, network("runs/a@b", Judge::Network));
         let command = "python3 mine.py --threshold=0.5".to_owned();
@@ -228,7 +249,8 @@ mod tests {
         for text in ["x y=blind", "drive.json=blind"] {
             assert!(matches!(text.parse::<Who>(), Err(WhoError::BadName { .. })), "{text}");
         }
-        for text in ["small@2", "zone:small@0", "a=runs/b@-0.1", "small@nan"] {
+        for text in ["small@2", "zone:small@0", "a=runs/b@-0.1", "small@nan", "small@0.3,0.5", "small@0.5,0"]
+        {
             let error = text.parse::<Who>().unwrap_err().to_string();
             assert!(error.contains("up to 1") && error.contains(text), "{error}");
         }

@@ -27,7 +27,7 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
                objects (near, small, few points) a detection counts only if it lies on such an object; false alarms on nothing count in no such row.";
     let mut lines = [&versus.missed, &versus.warned, &versus.harmful, &versus.mean].into_iter().flatten();
     let of_runs = if lines.any(|line| line.figures.iter().any(|figure| !figure.runs.is_empty())) {
-        " Of a detector of several runs the mean, and below it each run's."
+        " Of a detector of several runs the mean, and below it each run's; with seeds: the difference's interval with what other seeds would change, too."
     } else {
         ""
     };
@@ -64,6 +64,10 @@ fn cell(figure: &VersusFigure, has_gain: bool, show: Show<'_>) -> Cell {
     if let Some(over) = figure.over_first.filter(|_| has_gain) {
         let interval = figure.over_first_interval.map(|[low, high]| [low, high].map(signed).join(" to "));
         let gain = interval.map_or_else(|| signed(over), |interval| format!("{}: {interval}", signed(over)));
+        let by_seed = figure
+            .over_first_seeds_interval
+            .map(|ends| format!("; with seeds {}", ends.map(signed).join(" to ")));
+        let gain = gain + &by_seed.unwrap_or_default();
         let before = below.pop().map_or_else(String::new, |of| format!("{of}; "));
         below.push(before + &gain);
     }
@@ -85,6 +89,7 @@ mod tests {
             interval: Some([value - 0.1, value + 0.1]),
             over_first: Some(over),
             over_first_interval: Some([over - 0.02, over + 0.02]),
+            over_first_seeds_interval: None,
             runs: Vec::new(),
         };
         let unknown = || VersusFigure {
@@ -92,6 +97,7 @@ mod tests {
             interval: None,
             over_first: None,
             over_first_interval: None,
+            over_first_seeds_interval: None,
             runs: Vec::new(),
         };
         let of_runs = VersusFigure { runs: vec![Some(0.84), Some(0.86)], ..figure(0.85, 0.05) };

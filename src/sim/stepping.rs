@@ -14,8 +14,10 @@ pub struct Touch {
     pub own_mps: Vector3<f64>,
     /// The same of the touched one; zero where it is moved by hand.
     pub other_mps: Vector3<f64>,
-    /// Out of the one that touches.
+    /// Out of the one that touches, where MuJoCo would push it away: the shortest way out of what has sunk in within a step.
     pub normal: Vector3<f64>,
+    /// Where they touch, in the frame of the one that touches.
+    pub point_m: Vector3<f64>,
 }
 
 /// Controls, and poses of bodies that are moved by hand, as Python takes them.
@@ -54,12 +56,13 @@ impl Simulator {
             let (ctrl, ids, poses) = inputs(world.py(), ctrl, mocap)?;
             let told = world.call_method1("step_touching", (ctrl, ids, poses, n_steps, body, ground))?;
             let (bodies, facts): (PyReadonlyArray1<'_, i32>, PyReadonlyArray2<'_, f64>) = told.extract()?;
-            let (facts, _) = facts.as_slice()?.as_chunks::<9>();
-            let touch = |(&body, &[a, b, c, d, e, f, g, h, i]): (&i32, &[f64; 9])| Touch {
+            let (facts, _) = facts.as_slice()?.as_chunks::<12>();
+            let touch = |(&body, &[a, b, c, d, e, f, g, h, i, x, y, z]): (&i32, &[f64; 12])| Touch {
                 body: usize::try_from(body).expect("bodies are numbered from 0"),
                 own_mps: Vector3::new(a, b, c),
                 other_mps: Vector3::new(d, e, f),
                 normal: Vector3::new(g, h, i),
+                point_m: Vector3::new(x, y, z),
             };
             Ok(bodies.as_slice()?.iter().zip(facts).map(touch).collect())
         })
@@ -126,6 +129,8 @@ mod tests {
         assert!((19..=20).contains(&step), "{step}");
         assert!((touch.own_mps.x - 5.0).abs() < 1e-6 && touch.other_mps.norm() < 1e-12, "{touch:?}");
         assert!(touch.normal.x > 0.99, "{touch:?}");
+        // On its front, or as far in as it slides in a step.
+        assert!((touch.point_m.x - 4.0).abs() < 0.03 && touch.point_m.y.abs() <= 1.0, "{touch:?}");
         // 4 x 2 x 2 m at MuJoCo's density of water.
         assert!((mass_kg - 16_000.0).abs() < 1e-6, "{mass_kg}");
     }

@@ -4,11 +4,12 @@
 
 use std::ops::Range;
 
-use super::tracks;
-use super::{Sight, Tracks};
+use super::Tracks;
+use super::tracks::{self, Event};
 use crate::eval::bootstrap::number_episodes;
-use crate::eval::matching::{Matching, Outcome};
-use crate::object::{Distribution, Harm};
+use crate::eval::filter::KeptSample;
+use crate::eval::matching::{Matching, Outcome, Ranked, center_distance_m};
+use crate::object::{Distribution, Harm, LabelledObject};
 
 /// Alarms and harm of all samples.
 pub(super) struct AlarmFacts<'a> {
@@ -52,9 +53,9 @@ pub(super) struct HarmfulObject<'a> {
 pub(super) struct HarmEvent<'a> {
     episode: usize,
     pub origin: Origin<'a>,
-    /// For each sample the score up to which the object is found.
+    /// For each sample from the first to the last the score up to which the object is found.
     found_to: Vec<f64>,
-    /// `[deceleration][sample]`: whether the ego can stop before the object; `None` where it is not known.
+    /// `[deceleration][sample]`: whether the ego can stop before the object; `None` where it is not known or not scored.
     can_stop: Vec<Vec<Option<bool>>>,
 }
 
@@ -107,6 +108,7 @@ impl<'a> AlarmFacts<'a> {
         }
         let mut found_to = vec![f64::NEG_INFINITY; matching.objects.len()];
         let mut alarms = Vec::new();
+        let mut unhit_found_to = Unhit::new(&matching.samples);
         for (ranked, outcome) in matching.ranked_from(Harm::Harmful, f64::NEG_INFINITY) {
             let lies_on = match outcome {
                 Outcome::Matched(object) => {
@@ -114,6 +116,7 @@ impl<'a> AlarmFacts<'a> {
                     LiesOn::Harm
                 }
                 Outcome::Misclassified(_) => LiesOn::Harmless,
+                Outcome::Unmatched if unhit_found_to.take(matching, ranked) => continue,
                 Outcome::Unmatched => LiesOn::Nothing,
                 Outcome::Neutral(_) => continue,
             };
@@ -129,11 +132,24 @@ impl<'a> AlarmFacts<'a> {
             origin: origin_of(of.number),
             found_to: found_to[of.number],
         });
-        let event = |sights: &[Sight]| HarmEvent {
-            episode: episode_of[sights[0].sample_idx],
-            origin: origin_of(sights[0].number),
-            found_to: sights.iter().map(|sight| found_to[sight.number]).collect(),
-            can_stop: can_stop(matching, sights),
+        let event = |event: Event<'_>| {
+            let first = event.sights[0];
+            let n_samples = event.sights[event.sights.len() - 1].place - first.place + 1;
+            let mut of_sample = vec![f64::NEG_INFINITY; n_samples];
+            for sight in event.sights {
+                of_sample[sight.place - first.place] = found_to[sight.number];
+            }
+            for unseen in &event.unseen {
+                if let Some(i) = unseen.unhit_idx {
+                    of_sample[unseen.place - first.place] = unhit_found_to.of_sample[unseen.sample_idx][i];
+                }
+            }
+            HarmEvent {
+                episode: episode_of[first.sample_idx],
+                origin: origin_of(first.number),
+                found_to: of_sample,
+                can_stop: can_stop(matching, &event, n_samples),
+            }
         };
         let events = tracks.map(Tracks::events).unwrap_or_default();
         Some(Self {
@@ -226,15 +242,51 @@ impl HarmEvent<'_> {
     }
 }
 
-/// `[deceleration][sight]`: whether the ego can stop before the object after the time of a reaction.
-fn can_stop(matching: &Matching<'_>, sights: &[Sight]) -> Vec<Vec<Option<bool>>> {
+/// Scores up to which harmful objects are found that the LiDAR did not hit: they count in no recall, but an alarm on one is not
+/// false, and where their event goes on it has been warned of.
+struct Unhit {
+    /// `[sample][object]`, minus infinity where it is found by none.
+    of_sample: Vec<Vec<f64>>,
+}
+
+impl Unhit {
+    fn new(samples: &[KeptSample<'_>]) -> Self {
+        Self { of_sample: samples.iter().map(|sample| vec![f64::NEG_INFINITY; sample.unhit.len()]).collect() }
+    }
+
+    /// Gives a harmful detection the nearest harmful one within the threshold of the errors that none has taken; false if there is none.
+    fn take(&mut self, matching: &Matching<'_>, ranked: &Ranked<'_>) -> bool {
+        let found_to = &mut self.of_sample[ranked.sample_idx];
+        let objects = matching.samples[ranked.sample_idx].unhit.iter().enumerate();
+        let free = objects.filter(|(i, of)| of.harm == Harm::Harmful && found_to[*i] == f64::NEG_INFINITY);
+        let nearest = free
+            .map(|(i, of)| (i, center_distance_m(&ranked.detection.box_in_ego, &of.truth.box_in_ego)))
+            .filter(|&(_, distance_m)| distance_m < matching.config().tp_threshold_m)
+            .min_by(|a, b| a.1.total_cmp(&b.1));
+        nearest.inspect(|&(i, _)| found_to[i] = ranked.score).is_some()
+    }
+}
+
+/// `[deceleration][sample]`: whether the ego can stop before the object after the time of a reaction.
+fn can_stop(matching: &Matching<'_>, event: &Event<'_>, n_samples: usize) -> Vec<Vec<Option<bool>>> {
     let config = &matching.config().safety;
-    let at = |sight: &Sight, deceleration_mps2: f64| -> Option<bool> {
-        let placed = &matching.objects[sight.number];
-        let facts = matching.facts_of(placed);
+    let at = |sample_idx: usize, object: &LabelledObject, deceleration_mps2: f64| -> Option<bool> {
+        let facts = matching.samples[sample_idx].facts;
         let stopping_m = config.stopping_distance_m(facts.speed_mps?, deceleration_mps2);
-        Some(facts.gap_ahead_m(&placed.object.truth.solid_in_ego())? >= stopping_m)
+        Some(facts.gap_ahead_m(&object.truth.solid_in_ego())? >= stopping_m)
     };
-    let decelerations = config.decelerations_mps2.iter();
-    decelerations.map(|&deceleration| sights.iter().map(|sight| at(sight, deceleration)).collect()).collect()
+    let first = event.sights[0].place;
+    let of_deceleration = |&deceleration: &f64| {
+        let mut of_sample = vec![None; n_samples];
+        for sight in event.sights {
+            let object = matching.objects[sight.number].object;
+            of_sample[sight.place - first] = at(sight.sample_idx, object, deceleration);
+        }
+        for (unseen, i) in event.unseen.iter().filter_map(|of| Some((of, of.unhit_idx?))) {
+            let object = matching.samples[unseen.sample_idx].unhit[i];
+            of_sample[unseen.place - first] = at(unseen.sample_idx, object, deceleration);
+        }
+        of_sample
+    };
+    config.decelerations_mps2.iter().map(of_deceleration).collect()
 }

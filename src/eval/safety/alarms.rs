@@ -260,6 +260,28 @@ mod tests {
     }
 
     #[test]
+    fn an_alarm_on_a_harmful_object_without_a_point_is_not_false_and_finds_its_event() {
+        // One object, without a point at the second sample of three, and found there alone.
+        let mut samples = episode("a", "hhh");
+        samples[1].objects[0].truth.n_lidar_points = Some(0);
+        samples[1].detections = vec![found(15.0, Harm::Harmful, 0.5), found(15.5, Harm::Harmful, 0.4)];
+        let point = &alarms(&samples, per_km(1000.0)).points[0];
+        assert_eq!((point.n_harmful, point.missed_per_sample), (2, Some(1.0)), "it is no part of the recall");
+        assert_eq!((point.n_events, point.missed_per_event), (1, Some(0.0)));
+        // The second box on it is false.
+        assert_eq!((point.score, point.n_false_alarms), (Some(0.4), 1));
+        // An alarm on a harmless one is false, as anywhere.
+        samples[1].objects[0].harm = Harm::Harmless;
+        assert_eq!(alarms(&samples, per_km(1000.0)).points[0].n_false_alarms, 2);
+        // Two of three samples confirm it, the one without a point among them.
+        samples[1].objects[0].harm = Harm::Harmful;
+        samples[0].detections = vec![found(20.0, Harm::Harmful, 0.5)];
+        let config = SafetyConfig { reaction_time_s: 0.0, ..per_km(1000.0) };
+        let warned = &alarms(&samples, config).points[0].warned[1];
+        assert_eq!((warned.n_stoppable, warned.n_in_time), (1, 1));
+    }
+
+    #[test]
     fn a_warning_is_in_time_while_the_gap_exceeds_the_stopping_distance() {
         // At 10 m/s without reaction time: 12.5 m at 4 m/s^2, 6.25 m at 8. The gaps are 15, 10 and 5 m (a box of
         // 4 m centred at 20, 15, 10, the bumper at 3).

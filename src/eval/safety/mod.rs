@@ -40,9 +40,9 @@ use super::PerClass;
 use super::matching::Matching;
 use super::protocol::EvalConfig;
 use crate::object::{Distribution, Harm};
+use tracks::Tracks;
 #[cfg(test)]
 pub(super) use tracks::tests::episode;
-use tracks::{Sight, Tracks};
 
 /// What metrics are measured on.
 struct Context<'a> {

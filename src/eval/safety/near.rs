@@ -4,7 +4,7 @@
 //! 0.5 m of each other, are one box ([`join_classes`]) with the sum of their scores, at most 1; with the better's score where not all
 //! scores are from 0 to 1. By falling score, the later first among equals, each takes the nearest object that none has taken, if
 //! nearer than the threshold of the errors; one that takes none is false, unless nobody annotated what may be there
-//! ([`crate::eval::neutral`]). Near objects are nearer than 30 m and have 10 LiDAR points or more. The score is the lowest at which
+//! ([`crate::eval::neutral`]), or it lies on an object that the LiDAR did not hit. Near objects are nearer than 30 m and have 10 LiDAR points or more. The score is the lowest at which
 //! false boxes, at any range, do not exceed the given number a sample. Intervals are of the same resamples as those of the APs, each
 //! with a score of its own.
 
@@ -101,16 +101,21 @@ impl<'a> Facts<'a> {
         let mut boxes: Vec<(f64, Joined)> = boxes.into_iter().map(|of| (score_of(&of), of)).collect();
         boxes.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.1.place.cmp(&a.1.place)));
         let mut scores: Vec<Option<f64>> = vec![None; sample.objects.len()];
+        // What the LiDAR did not hit is not near enough to count, but is there.
+        let mut unhit_scores: Vec<Option<f64>> = vec![None; sample.unhit.len()];
         for (score, found) in boxes {
-            let free = sample.objects.iter().enumerate().filter(|(i, _)| scores[*i].is_none());
-            let nearest = free
-                .map(|(i, of)| (i, center_distance_m(&found.object.box_in_ego, &of.truth.box_in_ego)))
-                .filter(|&(_, distance_m)| distance_m < threshold_m)
-                .min_by(|a, b| a.1.total_cmp(&b.1));
-            match nearest {
-                Some((i, _)) => scores[i] = Some(score),
-                None if sample.neutral_at(found.place).is_some() => {}
-                None => self.false_boxes.push(FalseBox { score, episode }),
+            let nearest = |objects: &[&LabelledObject], scores: &[Option<f64>]| {
+                let free = objects.iter().enumerate().filter(|(i, _)| scores[*i].is_none());
+                free.map(|(i, of)| (i, center_distance_m(&found.object.box_in_ego, &of.truth.box_in_ego)))
+                    .filter(|&(_, distance_m)| distance_m < threshold_m)
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+            };
+            if let Some((i, _)) = nearest(&sample.objects, &scores) {
+                scores[i] = Some(score);
+            } else if let Some((i, _)) = nearest(&sample.unhit, &unhit_scores) {
+                unhit_scores[i] = Some(score);
+            } else if sample.neutral_at(found.place).is_none() {
+                self.false_boxes.push(FalseBox { score, episode });
             }
         }
         let near = sample.objects.iter().zip(scores).filter(|(object, _)| is_near(object));
@@ -284,6 +289,17 @@ mod tests {
             (1, 0, 0)
         );
         assert!(measured(&[(vec![object(30.0, 50)], vec![])]).is_empty(), "there is no near object");
+    }
+
+    #[test]
+    fn a_box_on_what_the_lidar_did_not_hit_is_not_false_but_a_second_one_is() {
+        let objects = vec![object(10.0, 10), object(20.0, 0)];
+        let boxes = [20.0, 20.5].map(|x_m| found(x_m, Harm::Harmless, 0.9)).to_vec();
+        let points = measured(&[(objects, boxes)]);
+        assert_eq!(
+            (points[1].groups[0].n_objects, points[1].groups[0].n_found, points[1].n_false),
+            (1, 0, 1)
+        );
     }
 
     #[test]

@@ -17,11 +17,36 @@ pub struct Sight {
     pub harm: Harm,
 }
 
-/// An object by time; where it was filtered out or not annotated, places are missing.
-#[derive(Debug, Clone)]
+/// An object at a sample at which the filters drop it.
+#[derive(Debug, Clone, Copy)]
+pub struct Unseen {
+    pub sample_idx: usize,
+    pub place: usize,
+    /// Its index among the sample's objects that the LiDAR did not hit; `None` if it is out of the range.
+    pub unhit_idx: Option<usize>,
+    harm: Harm,
+}
+
+/// An object by time; where it was filtered out or not annotated, places are missing among the sights.
+#[derive(Debug, Clone, Default)]
 pub struct Track {
     pub sights: Vec<Sight>,
+    /// Where the filters drop it, by time.
+    unseen: Vec<Unseen>,
 }
+
+/// A stretch of time in which an object is harmful.
+#[derive(Debug)]
+pub struct Event<'a> {
+    /// At least one; where places are missing among them, it is harmful all the same, or nobody says that it is not.
+    pub sights: &'a [Sight],
+    /// Where the filters drop it, between the first sight and the last.
+    pub unseen: Vec<Unseen>,
+}
+
+/// An object that is harmful before and after it was out of the truth for so long is still the same event, seconds: what
+/// passes before it hides it.
+const BRIDGED_S: f64 = 1.0;
 
 /// All objects whose ids are known.
 #[derive(Debug)]
@@ -51,15 +76,23 @@ impl Tracks {
         for episode in &episodes {
             let mut known: BTreeMap<&str, usize> = BTreeMap::new();
             for (place, &sample_idx) in episode.iter().enumerate() {
-                for (i, object) in samples[sample_idx].objects.iter().enumerate() {
+                let sample = &samples[sample_idx];
+                for (i, object) in sample.objects.iter().enumerate() {
                     let Some(id) = &object.truth.id else { continue };
                     let track = *known.entry(id).or_insert_with(|| {
-                        tracks.push(Track { sights: Vec::new() });
+                        tracks.push(Track::default());
                         tracks.len() - 1
                     });
                     let number = first_object[sample_idx] + i;
                     of_object[number] = Some((track, tracks[track].sights.len()));
                     tracks[track].sights.push(Sight { sample_idx, place, number, harm: object.harm });
+                }
+                // Of use only between sights: a track begins with one.
+                let unhit = sample.unhit.iter().enumerate().map(|(i, object)| (Some(i), object));
+                for (unhit_idx, object) in unhit.chain(sample.far.iter().map(|object| (None, object))) {
+                    if let Some(&track) = object.truth.id.as_deref().and_then(|id| known.get(id)) {
+                        tracks[track].unseen.push(Unseen { sample_idx, place, unhit_idx, harm: object.harm });
+                    }
                 }
             }
         }
@@ -72,11 +105,28 @@ impl Tracks {
         Some(&self.objects[track].sights[at..])
     }
 
-    /// Events: the longest runs of samples in a row in which an object is harmful.
-    pub fn events(&self) -> Vec<&[Sight]> {
-        let is_same_run = |a: &Sight, b: &Sight| a.harm == b.harm && b.place == a.place + 1;
-        let runs = self.objects.iter().flat_map(|track| track.sights.chunk_by(is_same_run));
-        runs.filter(|run| run[0].harm == Harm::Harmful).collect()
+    /// Events: the longest runs of samples in which an object is harmful. A sample at which the filters drop it is no end,
+    /// if it is harmful there; nor is one at which it is not annotated, for [`BRIDGED_S`].
+    pub fn events(&self) -> Vec<Event<'_>> {
+        self.objects.iter().flat_map(|track| self.events_of(track)).collect()
+    }
+
+    fn events_of<'a>(&'a self, track: &'a Track) -> impl Iterator<Item = Event<'a>> {
+        let between =
+            |a: usize, b: usize| track.unseen.iter().filter(move |of| (a + 1..b).contains(&of.place));
+        let is_same_run = move |a: &Sight, b: &Sight| {
+            let n_unseen = between(a.place, b.place).count();
+            let is_annotated = a.place + 1 + n_unseen == b.place;
+            let absent_s = self.times_s[b.sample_idx] - self.times_s[a.sample_idx];
+            a.harm == b.harm
+                && between(a.place, b.place).all(|of| of.harm == a.harm)
+                && (is_annotated || absent_s <= BRIDGED_S + 1e-6)
+        };
+        let runs = track.sights.chunk_by(is_same_run).filter(|run| run[0].harm == Harm::Harmful);
+        runs.map(move |sights| Event {
+            sights,
+            unseen: between(sights[0].place, sights[sights.len() - 1].place).copied().collect(),
+        })
     }
 }
 
@@ -141,21 +191,46 @@ pub mod tests {
             .collect()
     }
 
+    /// Samples of each event, from the first to the last.
+    fn lengths(tracks: &Tracks) -> Vec<usize> {
+        let length =
+            |event: &Event<'_>| event.sights[event.sights.len() - 1].place - event.sights[0].place + 1;
+        tracks.events().iter().map(length).collect()
+    }
+
+    fn tracks_of(samples: &[EvalSample]) -> Option<Tracks> {
+        let protocol = Protocol::default();
+        Tracks::of_samples(&Matching::new(samples, &protocol, Mode::Id).unwrap().samples)
+    }
+
     #[test]
-    fn events_are_runs_in_a_row_and_gaps_and_episodes_part_them() {
-        let mut samples = episode("a", "nhh.hn");
+    fn a_sample_at_which_the_filters_drop_a_harmful_object_ends_no_event() {
+        // Dropped at the third, fourth and fifth sample, for longer than an object may be out of the truth.
+        let mut samples = episode("a", "hhhhhhh");
+        (2..5).for_each(|i| samples[i].objects[0].truth.n_lidar_points = Some(0));
+        let tracks = tracks_of(&samples).unwrap();
+        assert_eq!(lengths(&tracks), [7]);
+        let places: Vec<_> = tracks.events()[0].unseen.iter().map(|of| (of.place, of.unhit_idx)).collect();
+        assert_eq!(places, [(2, Some(0)), (3, Some(0)), (4, Some(0))]);
+        // Harmless there: two events.
+        samples[3].objects[0].harm = Harm::Harmless;
+        assert_eq!(lengths(&tracks_of(&samples).unwrap()), [2, 2]);
+        // Not annotated there: too long for one event.
+        samples[3].objects.clear();
+        assert_eq!(lengths(&tracks_of(&samples).unwrap()), [2, 2]);
+    }
+
+    #[test]
+    fn events_are_runs_of_samples_and_long_gaps_harmless_samples_and_episodes_part_them() {
+        // At 2 Hz one missing sample is bridged, two are not.
+        let mut samples = episode("a", "nhh.h..hnh");
         samples.extend(episode("b", "hh"));
         // The file is not in the order of time.
         samples.swap(1, 2);
-        let protocol = Protocol::default();
-        let tracks_of = |samples: &[EvalSample]| {
-            Tracks::of_samples(&Matching::new(samples, &protocol, Mode::Id).unwrap().samples)
-        };
         let tracks = tracks_of(&samples).unwrap();
-        let lengths: Vec<usize> = tracks.events().iter().map(|event| event.len()).collect();
-        assert_eq!(lengths, [2, 1, 2]);
+        assert_eq!(lengths(&tracks), [4, 1, 1, 2]);
         assert_eq!(tracks.objects.len(), 2);
-        assert_eq!(tracks.sights_from(0).unwrap().len(), 5);
+        assert_eq!(tracks.sights_from(0).unwrap().len(), 7);
         samples[0].facts.time_s = None;
         assert!(tracks_of(&samples).is_none());
     }

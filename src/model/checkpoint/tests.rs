@@ -35,6 +35,7 @@ fn operating_scores_are_kept_beside_the_same_weights_and_replaced_by_the_next() 
         missed_per_event: Some(0.25),
         driven_km: 3.5,
         n_samples: 600,
+        sample_period_s: Some(0.3),
     };
     let chosen = |score| OperatingScores { warning: of(score), braking: of(2.0 * score) };
     let seen = SeenEpisodes { learned: ["ab".to_owned()].into(), watched: ["cd".to_owned()].into() };
@@ -64,6 +65,7 @@ fn a_score_that_no_box_reaches_is_refused() {
             missed_per_event: None,
             driven_km: 3.5,
             n_samples: 600,
+            sample_period_s: None,
         };
         let chosen = OperatingScores { warning: of.clone(), braking: of };
         let bytes = with_operating_scores(&before, &chosen, None, path).unwrap();

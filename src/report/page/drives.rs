@@ -169,7 +169,13 @@ fn in_rows(
     let names: Vec<String> = rows.iter().map(|(_, text)| text.clone()).collect();
     let height_px = 84 + 26 * rows.len() as u32;
     let chart = Chart::new(title, x, Axis::rows(&names), series, height_px);
-    Ok(Some(Figure::new(&chart)?.with_caption("Intervals of 95 % by episode.")))
+    let left_out: Vec<&str> = tested.iter().skip(n_drawn).map(|of| of.who.name.as_str()).collect();
+    let left_out = if left_out.is_empty() {
+        String::new()
+    } else {
+        format!(" Not drawn, but in the table and drive.json: {}.", left_out.join(", "))
+    };
+    Ok(Some(Figure::new(&chart)?.with_caption(format!("Intervals of 95 % by episode.{left_out}"))))
 }
 
 /// A driver at a score, and what the scores of recorded samples say of that score.

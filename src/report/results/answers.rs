@@ -10,8 +10,8 @@ use crate::report::document::Block;
 use crate::report::missed;
 use crate::report::table::{number, percent};
 
-/// A question put to rows side by side: does one do better than the first? The sentence that the interval over the episodes bears
-/// out stands at the top of the results.
+/// A question put to rows side by side: does one do better than the first? The sentence that the interval over episodes and seeds
+/// bears out stands at the top of the results; of one training each nothing is certain.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QuestionConfig {
@@ -147,7 +147,7 @@ fn answer(of: &SideBySide, question: &QuestionConfig) -> Option<String> {
     let place = of.labels.iter().position(|label| *label == question.row)?;
     let (first, mean) = (of.labels.first()?, versus.mean.first()?);
     let missed = versus.missed.get(versus.missed.len() / 2);
-    let over = |line: &VersusLine| line.figures.get(place)?.over_first_interval;
+    let over = |line: &VersusLine| line.figures.get(place)?.over_first_seeds_interval;
     let more_missed = missed.and_then(over);
     let sentence = match over(mean) {
         Some([low, _]) if low > 0.0 && more_missed.is_none_or(|[least, _]| least <= 0.0) => &question.better,
@@ -176,7 +176,14 @@ fn compared(line: &VersusLine, place: usize, show: &dyn Fn(f64) -> String) -> Op
         Some(show(of.value?) + &runs)
     };
     let signed = |of: f64| if of < 0.0 { show(of) } else { format!("+{}", show(of)) };
-    let interval = row.over_first_interval.map(|ends| format!(", {}", ends.map(signed).join(" to ")));
+    let range = |ends: [f64; 2]| ends.map(signed).join(" to ");
+    let interval = match (row.over_first_seeds_interval, row.over_first_interval) {
+        (Some(ends), _) => Some(format!(", {} over episodes and seeds", range(ends))),
+        (None, Some(ends)) => {
+            Some(format!(", {} over episodes; what another seed would change is not known", range(ends)))
+        }
+        (None, None) => None,
+    };
     Some(format!(
         "{} against {}: {}{}",
         of_runs(row)?,
@@ -202,11 +209,14 @@ mod tests {
     #[test]
     fn the_interval_chooses_the_sentence_and_the_figures_stand_beside_it() {
         let mut results = test_results();
-        results.side_by_side[0].of.mean[0].figures[1].runs = vec![Some(0.63), Some(0.65)];
+        let of = &mut results.side_by_side[0].of;
+        of.mean[0].figures[1].runs = vec![Some(0.63), Some(0.65)];
+        of.mean[0].figures[1].over_first_seeds_interval = Some([0.01, 0.07]);
+        of.missed[0].figures[1].over_first_seeds_interval = Some([-0.13, -0.07]);
         let text = top(&results);
-        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 (seeds 0.630, 0.650) against 0.600: +0.040, +0.020 to +0.060; \
-                        harmful events missed at 10 false alarms/km, %: 20.0 against 30.0: -10.0, -12.0 to -8.0.) Development figures, \
-                        split dev.";
+        let sentence = "The camera pays. (both, against LiDAR: mean AP 0.640 (seeds 0.630, 0.650) against 0.600: +0.040, +0.010 to +0.070 over \
+                        episodes and seeds; harmful events missed at 10 false alarms/km, %: 20.0 against 30.0: -10.0, -13.0 to -7.0 over \
+                        episodes and seeds.) Development figures, split dev.";
         assert!(text.starts_with("## In short\n") && text.contains(sentence), "{text}");
         for (ap, missed, sentence) in [
             (Some([-0.06, -0.02]), Some([-0.1, 0.1]), "The camera does harm. (both"),
@@ -218,11 +228,19 @@ mod tests {
             (Some([-0.06, -0.01]), Some([-0.1, -0.01]), "Whether the camera pays is not certain. (both"),
         ] {
             let of = &mut results.side_by_side[0].of;
-            of.mean[0].figures[1].over_first_interval = ap;
-            of.missed[0].figures[1].over_first_interval = missed;
+            of.mean[0].figures[1].over_first_seeds_interval = ap;
+            of.missed[0].figures[1].over_first_seeds_interval = missed;
             let text = top(&results);
             assert!(text.contains(sentence), "{ap:?} {missed:?}: {text}");
         }
+    }
+
+    #[test]
+    fn of_one_training_each_nothing_is_certain() {
+        let text = top(&test_results());
+        let sentence = "Whether the camera pays is not certain. (both, against LiDAR: mean AP 0.640 against 0.600: +0.040, +0.020 to +0.060 \
+                        over episodes; what another seed would change is not known; harmful";
+        assert!(text.contains(sentence), "{text}");
     }
 
     #[test]
@@ -268,10 +286,10 @@ mod tests {
             fingerprint: results.data.ood.fingerprint.clone(),
             of: of.of.clone(),
         };
-        reported.of.mean[0].figures[1].over_first_interval = Some([-0.03, 0.02]);
+        reported.of.mean[0].figures[1].over_first_seeds_interval = Some([-0.03, 0.02]);
         of.reported = Some(reported);
         let text = markdown(&blocks(&results));
-        assert!(text.contains("is not certain. (both") && text.contains("-8.0.) Split test."), "{text}");
+        assert!(text.contains("is not certain. (both") && text.contains(".) Split test."), "{text}");
         for part in [
             "Split test: commit 4567def, 2026-02-04.",
             "The same on split dev: development figures",

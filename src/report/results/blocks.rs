@@ -2,12 +2,12 @@
 
 use super::answers;
 use super::reported::{development_block, reported_blocks};
-use super::seeds::{self, mean_of, missed_events};
+use super::seeds::{self, both_intervals, mean_of, missed_events};
 use super::{
     MissedHarm, Record, ReportedRecord, ReportedVersus, Results, RivalRecord, SetRecord, SetScores,
     SideBySide, TableConfig,
 };
-use crate::eval::ClassScores;
+use crate::eval::{ClassScores, Column, Confidence};
 use crate::report::document::Block;
 use crate::report::missed;
 use crate::report::paper::{Line, PARTS, YARDSTICK};
@@ -166,8 +166,11 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
         records.extend(&runs);
         let scores: Vec<Vec<ClassScores>> =
             runs.iter().map(|run| run.scores().into_iter().map(|(_, scores)| scores).collect()).collect();
-        cells.push(missed_events(runs.iter().map(|run| &run.missed)).into());
-        cells.extend((0..scores[0].len()).map(|i| scores_cell(scores.iter().filter_map(|of| of.get(i)))));
+        cells.push(missed_events(runs.iter().map(|run| &run.missed)));
+        let intervals = if runs.len() == 1 { record.mean_intervals() } else { Vec::new() };
+        let interval = |i: usize| intervals.get(i).copied().flatten();
+        let cell = |i: usize| scores_cell(scores.iter().filter_map(|of| of.get(i)), interval(i));
+        cells.extend((0..scores[0].len()).map(cell));
         cells.resize(N_COLUMNS - 3, "".into());
         cells.push(format!("{} M", millions(record.n_parameters)).into());
         cells.push(duration(record.wall_and_cpu_s).into());
@@ -199,11 +202,13 @@ fn ablation_blocks(results: &Results, table: &TableConfig) -> Vec<Block> {
     blocks
 }
 
-/// Mean AP, and of several runs each one's.
-fn scores_cell<'a>(runs: impl Iterator<Item = &'a ClassScores>) -> Cell {
+/// Mean AP, of one run with its interval, of several with each one's.
+fn scores_cell<'a>(runs: impl Iterator<Item = &'a ClassScores>, interval: Option<[f64; 2]>) -> Cell {
     let runs: Vec<&ClassScores> = runs.collect();
     let mean = |part: fn(&ClassScores) -> Option<f64>| ap(mean_of(runs.iter().map(|&of| part(of))));
-    let mut below = vec![format!("{} / {}", mean(|of| of.harmful), mean(|of| of.harmless))];
+    let range = interval.map(|ends| ends.map(|end| ap(Some(end))).join("–"));
+    let of_classes = format!("{} / {}", mean(|of| of.harmful), mean(|of| of.harmless));
+    let mut below: Vec<String> = range.into_iter().chain([of_classes]).collect();
     if runs.len() > 1 {
         let each: Vec<String> = runs.iter().map(|of| ap(of.mean)).collect();
         below.push(format!("seeds {}", each.join(", ")));
@@ -216,10 +221,18 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
                 and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
                 too low or too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A \
                 closed set tells kinds in place of harm; neither it nor a rule by kind sees the two sensors, the zone's rules over its boxes do. Each row's first seed alone; \
-                means of several seeds stand in the tables above.";
+                means of several seeds stand in the tables above. Below the first figures their intervals of 95 % by a bootstrap over the clips.";
     let rows = results.rivals.iter().map(|RivalRecord { label, row, scores }| {
         let means = |of: &SetScores| [of.id.mean, of.ood.total.mean];
-        let cell = |[id, ood]: [Option<f64>; 2]| format!("{} / {}", ap(id), ap(ood)).into();
+        let in_both = |[id, ood]: [Option<f64>; 2]| format!("{} / {}", ap(id), ap(ood));
+        let cell = |of: [Option<f64>; 2]| in_both(of).into();
+        let interval = |of: &Option<Confidence>, column: Column| of.as_ref()?.columns.get(column)?.mean;
+        let show = |end: f64| ap(Some(end));
+        let total = [&scores.confidence.id, &scores.confidence.ood].map(|of| interval(of, Column::Total));
+        let right = both_intervals(total, show);
+        let matched = scores.right.ood.ood_matched.and_then(|of| of.mean);
+        let of_matched =
+            interval(&scores.confidence.ood, Column::OodMatched).map(|ends| ends.map(show).join("–"));
         let lower = |pair: &[SetScores; 2]| {
             let [a, b] = [means(&pair[0]), means(&pair[1])];
             let least = |i: usize| a[i].into_iter().chain(b[i]).reduce(f64::min);
@@ -228,9 +241,9 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
         vec![
             label.as_str().into(),
             row.as_str().into(),
-            missed_events([&scores.missed]).into(),
-            cell(means(&scores.right)),
-            number(scores.right.ood.ood_matched.and_then(|of| of.mean), 3).into(),
+            missed_events([&scores.missed]),
+            Cell { text: in_both(means(&scores.right)), below: right.into_iter().collect() },
+            Cell { text: ap(matched), below: of_matched.into_iter().collect() },
             lower(&scores.speed_off),
             lower(&scores.steering_off),
             format!("{:.2} ms", scores.judge_ms).into(),

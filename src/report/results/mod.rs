@@ -22,7 +22,7 @@ use thiserror::Error;
 use crate::dataset::Fingerprint;
 use crate::eval::safety::Alarms;
 use crate::eval::versus::Versus;
-use crate::eval::{ClassScores, Column, Columns};
+use crate::eval::{ClassScores, Column, Columns, Confidence};
 
 /// Why results could not be read.
 #[derive(Debug, Error)]
@@ -117,6 +117,9 @@ pub struct Record {
     /// Missed harm on both sets; unknown in what older versions wrote.
     #[serde(default)]
     pub missed: MissedHarm,
+    /// Of the APs.
+    #[serde(default)]
+    pub confidence: SetConfidence,
 }
 
 /// The training of a row once more from another seed, and nothing else changed.
@@ -135,6 +138,15 @@ pub struct MissedHarm {
     pub id: Option<Alarms>,
     /// On the OOD set.
     pub ood: Option<Alarms>,
+}
+
+/// Intervals of the APs by a bootstrap over the episodes; unknown in what older versions wrote.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SetConfidence {
+    /// On the validation split, in distribution.
+    pub id: Option<Confidence>,
+    /// On the OOD set.
+    pub ood: Option<Confidence>,
 }
 
 /// A table of rows.
@@ -205,6 +217,9 @@ pub struct JudgeScores {
     /// Missed harm with both sensors right.
     #[serde(default)]
     pub missed: MissedHarm,
+    /// Of the APs with both sensors right.
+    #[serde(default)]
+    pub confidence: SetConfidence,
     /// Scores with the speed measured too low and too high, and the steering angle too far right and left.
     pub speed_off: [SetScores; 2],
     pub steering_off: [SetScores; 2],
@@ -225,6 +240,16 @@ impl Record {
     pub fn scores(&self) -> Vec<(Option<Column>, ClassScores)> {
         let ood = Column::ALL.into_iter().filter_map(|column| Some((Some(column), *self.ood.get(column)?)));
         std::iter::once((None, self.id)).chain(ood).collect()
+    }
+
+    /// Intervals of the means of [`Self::scores`], in their order.
+    fn mean_intervals(&self) -> Vec<Option<[f64; 2]>> {
+        let of = |confidence: &Option<Confidence>, column: Column| {
+            confidence.as_ref().and_then(|of| of.columns.get(column)?.mean)
+        };
+        let ood = self.scores().into_iter().filter_map(|(column, _)| column);
+        let ood = ood.map(|column| of(&self.confidence.ood, column));
+        std::iter::once(of(&self.confidence.id, Column::Total)).chain(ood).collect()
     }
 
     /// In distribution there is no other column than the total.

@@ -185,14 +185,26 @@ pub(super) fn of_runs(runs: &[Run<'_>], means: Option<[&Versus; 2]>) -> Option<T
 type Values = (Option<f64>, Option<[f64; 2]>);
 
 /// Harmful events missed at the middle number of false alarms, ID / OOD; the mean of the runs.
-pub(super) fn missed_events<'a>(runs: impl IntoIterator<Item = &'a MissedHarm>) -> String {
+pub(super) fn missed_events<'a>(runs: impl IntoIterator<Item = &'a MissedHarm>) -> Cell {
     let runs: Vec<&MissedHarm> = runs.into_iter().collect();
     let share = |of: fn(&MissedHarm) -> Option<&Alarms>| {
         let shares = runs.iter().map(|run| Some(missed::middle(of(run)?)?.missed_per_event));
         let shares: Option<Vec<Option<f64>>> = shares.collect();
         shares.map_or_else(|| "–".to_owned(), |shares| percent(mean_of(shares)))
     };
-    [share(|of| of.id.as_ref()), share(|of| of.ood.as_ref())].join(" / ")
+    let text = [share(|of| of.id.as_ref()), share(|of| of.ood.as_ref())].join(" / ");
+    let interval = |of: &Option<Alarms>| missed::middle(of.as_ref()?)?.missed_per_event_interval;
+    let below = match runs[..] {
+        [run] => both_intervals([interval(&run.id), interval(&run.ood)], |end| number(Some(100.0 * end), 1)),
+        _ => None,
+    };
+    Cell { text, below: below.into_iter().collect() }
+}
+
+/// `0.70–0.75 / 0.60–0.66`; nothing where neither is known.
+pub(super) fn both_intervals(of: [Option<[f64; 2]>; 2], show: impl Fn(f64) -> String) -> Option<String> {
+    let text = |of: Option<[f64; 2]>| of.map_or_else(|| "–".to_owned(), |ends| ends.map(&show).join("–"));
+    of.iter().any(Option::is_some).then(|| of.map(text).join(" / "))
 }
 
 #[cfg(test)]

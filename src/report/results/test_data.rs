@@ -2,8 +2,8 @@
 
 use super::{
     DataRecord, JudgeScores, MissedHarm, QuestionConfig, Record, Repeat, ReportedGroup, ReportedRecord,
-    ReportedSet, Results, RivalRecord, RowOf, SeedMean, SeedMeans, SetRecord, SetScores, SideBySide,
-    TableConfig,
+    ReportedSet, Results, RivalRecord, RowOf, SeedMean, SeedMeans, SetConfidence, SetRecord, SetScores,
+    SideBySide, TableConfig,
 };
 use crate::dataset::Fingerprint;
 use crate::eval::safety::{Alarms, MissedGroup, OperatingPoint, Warned};
@@ -39,6 +39,7 @@ pub fn test_results() -> Results {
         id: ap(0.9),
         ood: columns(0.8),
         missed: MissedHarm { id: Some(test_alarms()), ood: Some(test_alarms()) },
+        confidence: SetConfidence { id: None, ood: Some(test_confidence()) },
     };
     let both = |id: f64, total: f64| SetScores { id: ap(id), ood: columns(total) };
     let rival = RivalRecord {
@@ -49,6 +50,7 @@ pub fn test_results() -> Results {
             judge_ms: 0.0312,
             right: both(0.9, 0.8),
             missed: MissedHarm::default(),
+            confidence: SetConfidence { id: None, ood: Some(test_confidence()) },
             // The lower one of each set, whichever side it is on.
             speed_off: [both(0.8, 0.7), both(0.82, 0.6)],
             steering_off: [both(0.7, 0.5), both(0.6, 0.4)],
@@ -109,12 +111,21 @@ pub fn test_with_repeats() -> Results {
     Results { repeats, ..results }
 }
 
+fn test_confidence() -> Confidence {
+    let ends = Some([0.1, 0.3]);
+    let intervals = Intervals { harmful: ends, harmless: ends, mean: ends };
+    Confidence {
+        level: 0.95,
+        n_resamples: 200,
+        n_episodes: 108,
+        columns: Columns { total: intervals, id_matched: None, ood_all: None, ood_matched: None },
+    }
+}
+
 /// Made-up figures on split test.
 #[must_use]
 pub fn test_reported() -> ReportedRecord {
     let ap = |harmful: f64| ClassScores::new(Some(harmful), Some(0.5));
-    let ends = Some([0.1, 0.3]);
-    let intervals = Intervals { harmful: ends, harmless: ends, mean: ends };
     let set = |others: Option<f64>| ReportedSet {
         n_episodes: 108,
         n_samples: 2592,
@@ -126,12 +137,7 @@ pub fn test_reported() -> ReportedRecord {
             ood_matched: others.map(ap),
         },
         missed: others.map(|_| test_alarms()),
-        confidence: Some(Confidence {
-            level: 0.95,
-            n_resamples: 200,
-            n_episodes: 108,
-            columns: Columns { total: intervals, id_matched: None, ood_all: None, ood_matched: None },
-        }),
+        confidence: Some(test_confidence()),
     };
     ReportedRecord {
         commit: "0123abc".into(),
@@ -156,6 +162,7 @@ pub fn test_seed_means() -> SeedMeans {
             interval: Some([value - 0.04, value + 0.03]),
             over_first: Some(0.0),
             over_first_interval: Some([0.0; 2]),
+            over_first_seeds_interval: None,
             runs: Vec::new(),
         };
         let line =
@@ -182,6 +189,7 @@ fn test_versus() -> Versus {
         interval: Some([value - 0.1, value + 0.1]),
         over_first: Some(over),
         over_first_interval: Some([over - 0.02, over + 0.02]),
+        over_first_seeds_interval: None,
         runs: Vec::new(),
     };
     let line = |name: &str, n_truths, figures: Vec<VersusFigure>| VersusLine {

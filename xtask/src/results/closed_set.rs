@@ -21,7 +21,7 @@ use harmzone::model::KindBox;
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::object::Detection;
 use harmzone::progress::Silent;
-use harmzone::report::results::{JudgeScores, MissedHarm, SetScores};
+use harmzone::report::results::{JudgeScores, MissedHarm, SetConfidence, SetScores};
 
 /// The zone's rules that judge its boxes.
 const ZONES: [Judge; 3] = [Judge::Zone, Judge::ZoneSoft, Judge::ZoneExpected];
@@ -63,6 +63,7 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
             steering_off: [right.clone(), right.clone()],
             right,
             missed: MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms },
+            confidence: SetConfidence { id: id.confidence, ood: ood.confidence },
         })
     });
     let boxes_of = |found: &[Vec<KindBox>]| -> Vec<Vec<Detection>> {
@@ -78,15 +79,17 @@ fn make(experiment: &Experiment<'_>, row: &Row) -> anyhow::Result<RowScores> {
             });
             let (id, ood) = (id?, ood?);
             let scores = SetScores { id: id.metrics.columns.total, ood: ood.metrics.columns };
-            anyhow::Ok((scores, MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms }))
+            let missed = MissedHarm { id: id.safety.alarms, ood: ood.safety.alarms };
+            anyhow::Ok((scores, missed, SetConfidence { id: id.confidence, ood: ood.confidence }))
         };
         let off = |change, [low, high]: [f64; 2]| anyhow::Ok([at(change, low)?.0, at(change, high)?.0]);
-        let (right, missed) = at(Change::SpeedFactor, 1.0)?;
+        let (right, missed, confidence) = at(Change::SpeedFactor, 1.0)?;
         anyhow::Ok(JudgeScores {
             judge: judge.name().to_owned(),
             judge_ms: time_judge(test, &ood_boxes, judge)?,
             right,
             missed,
+            confidence,
             speed_off: off(Change::SpeedFactor, SPEED_FACTORS)?,
             steering_off: off(Change::SteeringOffsetDeg, STEERING_OFFSETS_DEG)?,
         })

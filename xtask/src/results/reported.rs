@@ -1,6 +1,8 @@
 //! The headline's figures on split test, and those of its other seeds, for reporting: made once for a network, when asked for, and then
 //! kept.
 
+use std::path::Path;
+
 use super::config::SeenRowConfig;
 use super::data::LABELS;
 use super::experiment::{Experiment, Row, read_json};
@@ -32,7 +34,9 @@ pub fn read_or_make(
     let file = request.out.join("scores").join(format!("reported{suffix}.json"));
     let Some(release) = &request.reported else {
         let kept: Option<ReportedRecord> = if file.is_file() { Some(read_json(&file)?) } else { None };
-        return Ok(kept.filter(|of| of.checkpoint_sha256 == scored.checkpoint_sha256));
+        return Ok(kept.filter(|of| {
+            of.checkpoint_sha256 == scored.checkpoint_sha256 && is_by_todays_rules(of.scoring, &file)
+        }));
     };
     if file.is_file() {
         let kept: ReportedRecord = read_json(&file)?;
@@ -62,6 +66,17 @@ pub fn read_or_make(
     };
     write_atomic(&file, serde_json::to_string_pretty(&record)?.as_bytes())?;
     Ok(Some(record))
+}
+
+/// Whether figures were made by today's rules; where not, that they are left out is told.
+pub fn is_by_todays_rules(scoring: u32, file: &Path) -> bool {
+    if scoring != SCORING {
+        tracing::warn!(
+            "figures on split test are by rules {scoring} of scoring, today's are {SCORING}: left out; ARGS=--final makes them anew: {}",
+            file.display()
+        );
+    }
+    scoring == SCORING
 }
 
 /// Whether figures are by today's rules, of the data sets as they lie there, those that do, and of all maps that do.

@@ -18,14 +18,16 @@ use harmzone::episode::{Manifest, Split};
 use harmzone::eval::judge::Judge;
 use harmzone::eval::safety::Alarms;
 use harmzone::eval::sweep::{Change, SweepConfig, Sweeps};
-use harmzone::eval::{ClassScores, Columns, Mode, Protocol, SCORING, eval_samples, evaluate};
+use harmzone::eval::{
+    ClassScores, Columns, Confidence, Evaluation, Mode, Protocol, SCORING, eval_samples, evaluate,
+};
 use harmzone::files::{sha256_hex, write_atomic};
 use harmzone::infer::{self, PredictError, Trained};
 use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::model::{Detector, ModelConfig};
 use harmzone::object::Detection;
 use harmzone::progress::Silent;
-use harmzone::report::results::{JudgeScores, MissedHarm, Record, SetScores};
+use harmzone::report::results::{JudgeScores, MissedHarm, Record, SetConfidence, SetScores};
 use harmzone::report::scores;
 use harmzone::report::sweeps::{self, SweepRequest};
 use harmzone::train::{TrainConfig, TrainingTime};
@@ -123,14 +125,14 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         SetScores { id: at(&id.sweeps).total, ood: at(&ood.sweeps) }
     };
     let judged = judges.iter().map(|&judge| {
+        let (of_id, of_ood) =
+            (evaluate_judged(&id, judge, Mode::Id)?, evaluate_judged(&ood, judge, Mode::Ood)?);
         anyhow::Ok(JudgeScores {
             judge: judge.name().to_owned(),
             judge_ms: time_judge(ood.data, &ood.found, judge)?,
             right: scores(judge, Change::SpeedFactor, 1.0),
-            missed: MissedHarm {
-                id: judge_missed(&id, judge, Mode::Id)?,
-                ood: judge_missed(&ood, judge, Mode::Ood)?,
-            },
+            missed: MissedHarm { id: of_id.safety.alarms, ood: of_ood.safety.alarms },
+            confidence: SetConfidence { id: of_id.confidence, ood: of_ood.confidence },
             speed_off: SPEED_FACTORS.map(|factor| scores(judge, Change::SpeedFactor, factor)),
             steering_off: STEERING_OFFSETS_DEG.map(|off| scores(judge, Change::SteeringOffsetDeg, off)),
         })
@@ -154,6 +156,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         id: id.scores.total,
         ood: ood.scores,
         missed: MissedHarm { id: id.missed, ood: ood.missed },
+        confidence: SetConfidence { id: id.confidence, ood: ood.confidence },
     };
     Ok(RowScores {
         scoring: SCORING,
@@ -172,6 +175,7 @@ struct Looked<'a> {
     found: Vec<Vec<Detection>>,
     scores: Columns<ClassScores>,
     missed: Option<Alarms>,
+    confidence: Option<Confidence>,
     /// Empty where neither judges nor the page ask for them.
     sweeps: Sweeps,
 }
@@ -237,13 +241,13 @@ fn look<'a>(
     let file = experiment.request.out.join("scores").join(format!("{}-{kind}.json", row.name));
     write_atomic(&file, evaluation.metrics.to_json().as_bytes())?;
     let (scores, missed) = (evaluation.metrics.columns, evaluation.safety.alarms);
-    Ok(Looked { data, found, scores, missed, sweeps })
+    Ok(Looked { data, found, scores, missed, confidence: evaluation.confidence, sweeps })
 }
 
-/// The harm that is missed where a judge decides on the boxes.
-fn judge_missed(looked: &Looked<'_>, judge: Judge, mode: Mode) -> anyhow::Result<Option<Alarms>> {
+/// What the boxes come to where a judge decides on them.
+fn evaluate_judged(looked: &Looked<'_>, judge: Judge, mode: Mode) -> anyhow::Result<Evaluation> {
     let samples = eval_samples(looked.data.samples(), &judge_all(judge, &looked.found, looked.data)?);
-    Ok(evaluate(&samples, &Protocol::default(), mode)?.safety.alarms)
+    Ok(evaluate(&samples, &Protocol::default(), mode)?)
 }
 
 /// Median time of a sample through a network, milliseconds.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::config::{SeenRowConfig, SideBySideConfig};
 use super::experiment::{Experiment, Row, read_json};
 use super::found::Found;
+use super::reported::is_by_todays_rules;
 use super::request::ReportStamp;
 use super::split_test::{SplitTest, Towns};
 use harmzone::dataset::Fingerprint;
@@ -102,7 +103,8 @@ impl Asked<'_> {
 
     fn kept_reported(&self, networks: &Networks) -> anyhow::Result<Option<KeptReported>> {
         let file = self.reported_file(networks)?;
-        if file.is_file() { read_json(&file).map(Some) } else { Ok(None) }
+        let kept: Option<KeptReported> = if file.is_file() { Some(read_json(&file)?) } else { None };
+        Ok(kept.filter(|kept| is_by_todays_rules(kept.scoring, &file)))
     }
 
     fn make(&self, networks: &Networks) -> anyhow::Result<Versus> {
