@@ -141,8 +141,8 @@ class World:
 
         Returns body [touch], the touched ones, each once, and [touch, 12]: the free body's velocity and the
         touched body's, just before they touched, both at the point where they touch, and the contact's normal
-        out of the free body, all along the world's axes; then that point in the free body's frame. A body that
-        is moved by hand has no velocity of its own: zeros.
+        out of the free body, all along the world's axes; then that point in the free body's frame. A body
+        that is moved by hand has no velocity of its own: zeros.
         """
         model, data = self.model, self.data
         is_own = model.body_rootid[model.geom_bodyid] == body
@@ -163,8 +163,8 @@ class World:
                     continue
                 normal = data.contact.frame[i, :3] if is_first else -data.contact.frame[i, :3]
                 both = [self._velocity_at(data.contact.pos[i], one, velocities) for one in (body, other)]
-                rotation = data.xmat[body].reshape(3, 3)
-                touched[other] = np.concatenate([*both, normal, (data.contact.pos[i] - data.xpos[body]) @ rotation])
+                point = (data.contact.pos[i] - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+                touched[other] = np.concatenate([*both, normal, point])
         self._bring_up()
         facts = np.array(list(touched.values()), dtype=np.float64).reshape(len(touched), 12)
         return np.array(list(touched), dtype=np.int32), facts
