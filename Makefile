@@ -241,8 +241,8 @@ bench-stream: setup ## Time and memory of a made-up data set of 100,000 episodes
 paper-run: setup ## The paper's data, training, scores and costs on a GPU, resumable; PAPER_DEVICE=cuda:0 PAPER_TOY=1 tries it on the CPU
 	@scripts/paper_run.sh
 
-# Each row alone is ROWS=kills, bits, io_errors, disk_full, doctor or soak; HARMZONE_FAULTS=100 makes fewer (soak: minutes).
-soak: setup setup-test ## Thousands of kills, changed bits, errors of the disk, and full disks, and two hours of gen whose workers die: six tables, some hours
+# Each row alone is ROWS=kills, bits, io_errors, io_others, disk_full, doctor or soak; HARMZONE_FAULTS=100 makes fewer (soak: minutes).
+soak: setup setup-test ## Thousands of kills, changed bits, errors of the disk, and full disks, and two hours of gen whose workers die: seven tables, some hours
 	cargo test --release --test faults -- --ignored --nocapture --test-threads 1 long_$(ROWS)
 
 miri: ## The kernels under Miri, portable path: cargo +nightly with the component miri; minutes

@@ -1,5 +1,6 @@
 //! Files and folders that are either whole or not there: written under a temporary name, then renamed.
 
+mod content;
 mod folder;
 mod inside;
 mod lock;
@@ -14,6 +15,7 @@ use fs_err as fs;
 use sha2::{Digest, Sha256};
 use tempfile::TempPath;
 
+pub use content::FolderContent;
 pub use folder::{FolderError, NewFolder};
 pub use inside::{OutsideName, inside, is_file_name, is_inside};
 pub use lock::{FolderLock, is_lock};
@@ -81,11 +83,61 @@ pub fn holds_anything(folder: &Path) -> io::Result<bool> {
 pub fn is_file(path: &Path) -> io::Result<bool> {
     match fs::metadata(path) {
         Ok(found) => Ok(found.is_file()),
-        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
-            Ok(false)
-        }
+        Err(error) if is_absence(&error) => Ok(false),
         Err(error) => Err(error),
     }
+}
+
+/// Whether a folder is there, links followed; as [`is_file`].
+///
+/// # Errors
+/// It cannot be told.
+pub fn is_dir(path: &Path) -> io::Result<bool> {
+    match fs::metadata(path) {
+        Ok(found) => Ok(found.is_dir()),
+        Err(error) if is_absence(&error) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+/// Whether anything is there, links followed; as [`is_file`].
+///
+/// # Errors
+/// It cannot be told.
+pub fn is_there(path: &Path) -> io::Result<bool> {
+    match fs::metadata(path) {
+        Ok(_) => Ok(true),
+        Err(error) if is_absence(&error) => Ok(false),
+        Err(error) => Err(error),
+    }
+}
+
+fn is_absence(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
+}
+
+/// The first of some paths at which anything is.
+///
+/// # Errors
+/// As of [`is_there`].
+pub fn first_there(paths: impl IntoIterator<Item = PathBuf>) -> io::Result<Option<PathBuf>> {
+    for path in paths {
+        if is_there(&path)? {
+            return Ok(Some(path));
+        }
+    }
+    Ok(None)
+}
+
+/// Whether an error comes of the system and not of what a file holds: the disk does not answer, there is no memory, a file may not be
+/// opened. What is not there is no such error.
+#[must_use]
+pub fn is_of_system(error: &(dyn std::error::Error + 'static)) -> bool {
+    let of_system = |error: &(dyn std::error::Error + 'static)| {
+        let error = error.downcast_ref::<io::Error>()?;
+        error.raw_os_error().map(|_| !is_absence(error))
+    };
+    std::iter::successors(Some(error), |error| error.source()).find_map(of_system).unwrap_or(false)
 }
 
 /// Whether a file is one that a run left unfinished, or is still writing, by its name: that of one of our files, a number of the

@@ -99,6 +99,7 @@ fn the_files_are_written_and_replaced_only_by_force() {
     assert_eq!(fs::read_to_string(out.join("compare.txt")).unwrap(), printed);
     let gap: Value = serde_json::from_str(&fs::read_to_string(out.join("compare.json")).unwrap()).unwrap();
     assert_eq!((gap["a"]["split"].as_str(), gap["a"]["n_episodes"].as_u64()), (Some("val"), Some(1)));
+    assert!(gap["format_version"] == 1 && gap["sha256"].is_string());
     assert!(image::open(out.join("compare.png")).unwrap().width() > 2000);
     let again = ["compare", text(a), text(b), "--split", "val", "--out", text(&out)];
     assert!(fails(&again).contains("--force"));

@@ -313,6 +313,14 @@ fn what_cannot_be_exported_or_imported_is_told_and_leaves_nothing() {
         "a stranger's folder is never replaced"
     );
     fs::remove_dir_all(&out).unwrap();
+    for force in [false, true] {
+        kitti::run(&request(Naming::Source, force), &Silent).unwrap();
+    }
+    let notes = out.join("training/notes.txt");
+    fs::write(&notes, "mine").unwrap();
+    assert!(told(request(Naming::Source, true)).contains("`training/notes.txt`"));
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "mine");
+    fs::remove_dir_all(&out).unwrap();
     // A result with a column too few, and one of no number.
     let results = at("results");
     fs::create_dir(&results).unwrap();

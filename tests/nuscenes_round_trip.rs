@@ -268,5 +268,10 @@ fn an_export_is_not_overwritten_and_a_strangers_folder_never() {
     let told = nuscenes::run(&harm, &Silent).unwrap_err().to_string();
     assert!(told.contains("no label set `rect`"), "{told}");
     assert!(out.join("v1.0-trainval").exists(), "what was there stays");
+    let notes = out.join("samples/notes.txt");
+    fs::write(&notes, "mine").unwrap();
+    let told = nuscenes::run(&request(true), &Silent).unwrap_err().to_string();
+    assert!(told.contains("`samples/notes.txt`"), "{told}");
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "mine");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2, "nothing half is left");
 }

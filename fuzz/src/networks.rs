@@ -65,6 +65,7 @@ fn scores() -> OperatingScores {
         missed_per_event: Some(0.25),
         driven_km: 3.5,
         n_samples: 600,
+        sample_period_s: None,
     };
     let braking = OperatingScore { score: 0.6, max_false_alarms_per_km: 2.0, ..warning.clone() };
     OperatingScores { warning, braking }

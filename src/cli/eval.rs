@@ -14,7 +14,7 @@ use crate::dataset::{
 };
 use crate::episode::{EpisodeEntry, Manifest, Split};
 use crate::eval::{self, EvalSample, Mode, Protocol, eval_samples, json};
-use crate::files::FolderLock;
+use crate::files::{self, FolderLock};
 use crate::infer::worker::NetworkWorkers;
 use crate::infer::{self, PredictError, Trained};
 use crate::object::Detection;
@@ -294,7 +294,7 @@ pub fn command_line(program: &str) -> String {
 
 fn refuse_to_overwrite(out: &Path) -> anyhow::Result<()> {
     let metrics = out.join(METRICS_FILE);
-    if metrics.exists() {
+    if files::is_there(&metrics)? {
         bail!("metrics exist already; give --force to overwrite them: {}", metrics.display());
     }
     Ok(())

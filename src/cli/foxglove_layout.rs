@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::{ExitStatus, path_text, print, print_either};
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::report::foxglove_layout;
 
 #[derive(Debug, Args)]
@@ -29,7 +29,7 @@ pub fn run(args: FoxgloveLayoutArgs) -> anyhow::Result<ExitStatus> {
         print(layout)?;
         return Ok(ExitStatus::Done);
     };
-    if out.exists() && !args.force {
+    if !args.force && files::is_there(&out)? {
         bail!("the file exists; --force replaces it: {}", out.display());
     }
     write_atomic(&out, layout.as_bytes())?;

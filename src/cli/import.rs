@@ -9,6 +9,7 @@ use super::exchange::{self, ImportPredictionsArgs};
 use super::{Bar, ExitStatus, number, print, print_summary, split};
 use crate::config;
 use crate::episode::Split;
+use crate::files;
 use crate::import::nuscenes::NuScenesLog;
 use crate::import::ros2::{self, MappingConfig, Ros2Log};
 use crate::import::{self, ImportConfig, ImportError, ImportOptions, Log, LogFormat};
@@ -143,7 +144,7 @@ impl LogArgs {
         format: LogFormat,
         open: impl FnOnce(&Path, &ImportConfig) -> Result<L, ImportError>,
     ) -> anyhow::Result<ExitStatus> {
-        if !self.source.exists() {
+        if !files::is_there(&self.source)? {
             anyhow::bail!("there is no such log: {}", self.source.display());
         }
         let config = self.load(format)?;

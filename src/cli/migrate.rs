@@ -44,6 +44,10 @@ pub fn run(args: MigrateArgs) -> anyhow::Result<ExitStatus> {
     // Before the lock, whose taking makes a folder.
     Manifest::read(folder)?;
     let _lock = (!args.dry_run).then(|| FolderLock::take(folder)).transpose()?;
+    // And of the label sets, into which `label` may be writing.
+    let sets = if args.dry_run { Vec::new() } else { label_sets(folder)? };
+    let of_sets = sets.iter().map(|set| FolderLock::take(&LabelManifest::folder(folder, set)));
+    let _locks = of_sets.collect::<Result<Vec<_>, _>>()?;
     let mut manifest = Manifest::read(folder)?;
     let mut files = Vec::new();
     // Labels first: while they are of the older format, so is the data set.

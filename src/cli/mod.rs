@@ -167,6 +167,8 @@ impl Command {
                 | Self::Predict(_)
                 | Self::Eval(_)
                 | Self::Drive(_)
+                | Self::Export(_)
+                | Self::View(_)
         )
     }
 }

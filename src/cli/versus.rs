@@ -12,7 +12,7 @@ use crate::config;
 use crate::episode::Manifest;
 use crate::eval::versus::versus;
 use crate::eval::{EvalConfig, EvalSample, Mode, Protocol, eval_samples, score};
-use crate::files::{FolderLock, write_atomic};
+use crate::files::{self, FolderLock, seal_result, write_atomic};
 use crate::report::standing::Standing;
 use crate::report::table::Table;
 use crate::report::versus::tables;
@@ -62,7 +62,7 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let rows = rows(&named)?;
     let _lock = args.out.as_deref().map(FolderLock::take).transpose()?;
     if let Some(out) = args.out.as_ref().filter(|_| !args.force) {
-        let taken = FILES.map(|name| out.join(name)).into_iter().find(|path| path.exists());
+        let taken = files::first_there(FILES.map(|name| out.join(name)))?;
         if let Some(path) = taken {
             bail!("the file exists; --force replaces it: {}", path.display());
         }
@@ -127,7 +127,7 @@ pub fn run(args: VersusArgs) -> anyhow::Result<ExitStatus> {
     let tables = tables(&found, &names).iter().map(Table::to_string).collect::<Vec<_>>().join("\n");
     let text = format!("{standing}\n\n{tables}");
     if let Some(out) = &args.out {
-        for (name, content) in FILES.iter().zip([&text, &json]) {
+        for (name, content) in FILES.iter().zip([&text, &seal_result(&json)]) {
             write_atomic(&out.join(name), content.as_bytes())?;
         }
     }

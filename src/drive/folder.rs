@@ -8,7 +8,7 @@ use fs_err as fs;
 use super::{DriveConfig, DriveError};
 use crate::episode::Manifest;
 use crate::episode::folder::{first_difference, is_whole};
-use crate::files::{holds_anything, read_sealed, sha256_hex, write_atomic, write_sealed};
+use crate::files::{self, holds_anything, read_sealed, sha256_hex, write_atomic, write_sealed};
 use crate::generate::EpisodePlan;
 use crate::label;
 use crate::outcome::{DriveOutcome, DriveSummary, Origin};
@@ -27,7 +27,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     let config_path = out.join(DriveSummary::CONFIG_FILE);
     let other =
         |found: String, wanted: String| Err(DriveError::OtherConfig { found, wanted, path: out.to_owned() });
-    if config_path.is_file() {
+    if files::is_file(&config_path)? {
         let found = fs::read_to_string(&config_path)?;
         if let Some((found, wanted)) =
             first_difference(&without_patience(&found), &without_patience(config_toml))
@@ -40,7 +40,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     let mut origins = origins.to_vec();
     for origin in &mut origins {
         let path = out.join(&origin.who.name).join(WHO_FILE);
-        if !path.is_file() {
+        if !files::is_file(&path)? {
             continue;
         }
         let found: Origin = serde_json::from_str(&read_sealed(&path)?)
@@ -91,7 +91,7 @@ pub(super) fn find_whole(
     records: bool,
 ) -> Result<Option<DriveOutcome>, DriveError> {
     let path = outcome_path(folder, plan);
-    if !path.is_file() {
+    if !files::is_file(&path)? {
         return Ok(None);
     }
     let bad = |message: String| DriveError::BadOutcome { message, path: path.clone() };
@@ -121,9 +121,7 @@ pub(super) fn write_outcome(
 /// Takes away what was recorded of a drive that does not count.
 pub(super) fn remove_recorded(folder: &Path, plan: &EpisodePlan) -> io::Result<()> {
     for file in [folder.join(plan.file()), predictions_file(folder, plan)] {
-        if file.is_file() {
-            fs::remove_file(file)?;
-        }
+        files::remove_if_there(&file)?;
     }
     Ok(())
 }
@@ -148,10 +146,7 @@ pub(super) fn finish_dataset(
     manifest.episodes = outcomes.iter().filter_map(|outcome| outcome.entry.clone()).collect();
     if manifest.episodes.is_empty() {
         // What an earlier run listed is gone.
-        let listed = folder.join(Manifest::FILE);
-        if listed.is_file() {
-            fs::remove_file(listed)?;
-        }
+        files::remove_if_there(&folder.join(Manifest::FILE))?;
         return Ok(());
     }
     manifest.write(folder)?;

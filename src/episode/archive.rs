@@ -58,10 +58,19 @@ pub(super) struct ArchiveWriter {
 impl ArchiveWriter {
     /// Starts `<path>.<process>.partial`, whose folder must exist, and declares its topics.
     pub(super) fn create(path: &Path, topics: &[TopicSpec]) -> Result<Self, EpisodeError> {
-        let mut partial = path.as_os_str().to_owned();
         // The name is unique to this process: a worker whose parent was killed may still be writing the same
         // file.
-        partial.push(format!(".{}.{PARTIAL_SUFFIX}", std::process::id()));
+        Self::create_as(path, &format!("{}.{PARTIAL_SUFFIX}", std::process::id()), topics)
+    }
+
+    /// Starts `<path>.partial`, where no other process may write the same file; what a killed one left there is written over.
+    pub(super) fn create_alone(path: &Path) -> Result<Self, EpisodeError> {
+        Self::create_as(path, PARTIAL_SUFFIX, &[])
+    }
+
+    fn create_as(path: &Path, suffix: &str, topics: &[TopicSpec]) -> Result<Self, EpisodeError> {
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(format!(".{suffix}"));
         let partial = TempPath::try_from_path(partial)?;
         let file = BufWriter::new(create_partial(&partial)?);
         let writer = mcap::WriteOptions::new()

@@ -22,6 +22,14 @@ pub struct ArchiveCounts {
 /// # Errors
 /// The file is cut short, damaged or no MCAP.
 pub fn check_archive(path: &Path) -> Result<ArchiveCounts, EpisodeError> {
+    read_whole(path, |_| {})
+}
+
+/// As [`check_archive`]; hands over each record, and for a chunk those inside it once its CRC holds.
+pub(super) fn read_whole(
+    path: &Path,
+    mut take: impl FnMut(&Record<'_>),
+) -> Result<ArchiveCounts, EpisodeError> {
     let damaged = |source| EpisodeError::Damaged { source, path: path.to_owned() };
     let mut file = store::open_file(path)?;
     let n_bytes = file.metadata()?.len();
@@ -43,6 +51,7 @@ pub fn check_archive(path: &Path) -> Result<ArchiveCounts, EpisodeError> {
                 counts.n_records += 1;
                 let record = mcap::parse_record(opcode, data).map_err(damaged)?;
                 counts.n_messages += usize::from(matches!(record, Record::Message { .. }));
+                take(&record);
             }
         }
     }
@@ -60,7 +69,21 @@ pub(super) fn overlap(chunks: impl Iterator<Item = [u64; 2]>) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::overlap;
+    use rustix::fs::{CWD, Mode, mkfifoat};
+
+    use super::*;
+    use crate::episode::EpisodeReader;
+
+    #[test]
+    fn a_pipe_in_place_of_an_episode_is_refused_and_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
+        for error in [check_archive(&path).unwrap_err(), EpisodeReader::open(&path).err().unwrap()] {
+            let told = error.to_string();
+            assert!(told.contains("this is no file: a pipe") && told.ends_with("a.mcap"), "{told}");
+        }
+    }
 
     #[test]
     fn a_chunk_that_is_named_twice_is_found() {

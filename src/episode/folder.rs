@@ -62,7 +62,7 @@ pub fn clear_episodes(folder: &Path, config_file: &str, folders: &[&str]) -> io:
     remove_files(folder, |name| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap"))?;
     store::discard(&folder.join(EPISODES));
     for made in folders.iter().map(|name| folder.join(name)) {
-        if made.is_dir() {
+        if files::is_dir(&made)? {
             fs::remove_dir_all(&made)?;
         }
         store::discard(&made);
@@ -77,7 +77,7 @@ pub fn clear_episodes(folder: &Path, config_file: &str, folders: &[&str]) -> io:
 /// A file cannot be deleted.
 pub fn remove_unfinished(folder: &Path) -> io::Result<()> {
     let episodes = folder.join(EPISODES);
-    if episodes.is_dir() {
+    if files::is_dir(&episodes)? {
         files::remove_unfinished(&episodes)?;
     }
     files::remove_unfinished_folders(&folder.join(AOV))?;
@@ -98,7 +98,7 @@ pub fn remove_unlisted(folder: &Path, planned: &BTreeSet<&str>, manifest: &Manif
 
 fn remove_files(folder: &Path, is_ours: impl Fn(&str) -> bool) -> io::Result<()> {
     let episodes = folder.join(EPISODES);
-    if !episodes.is_dir() {
+    if !files::is_dir(&episodes)? {
         return Ok(());
     }
     for entry in fs::read_dir(episodes)? {

@@ -33,6 +33,7 @@ mod reader;
 mod regions;
 pub mod shard;
 mod sidecar;
+mod stamps;
 #[cfg(test)]
 mod tests;
 mod topics;
@@ -54,4 +55,5 @@ pub use others::OtherSensors;
 pub use reader::{EpisodeReader, is_any_annotated};
 pub use shard::{MAX_EPISODES, PartOf, Shard, ShardError};
 pub use sidecar::SidecarReader;
+pub use stamps::{OffStamps, check_stamps};
 pub use writer::{EpisodeWriter, FinishedEpisode};

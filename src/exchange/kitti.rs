@@ -14,11 +14,14 @@ use super::samples::NamedSample;
 use crate::episode::Manifest;
 use crate::export::kitti::{FrameNames, KittiRig, KittiRow, type_of_harm};
 use crate::export::nuscenes::Naming;
-use crate::files::NewFolder;
+use crate::files::{FolderContent, NewFolder};
 use crate::object::Detection;
 
 /// The file by which the program knows a folder of results as its own.
 const MARKER: &str = "harmzone-results.json";
+
+/// All files of such a folder.
+const CONTENT: FolderContent = FolderContent { marker: MARKER, files: &["######.txt"] };
 
 /// A folder of results to be written.
 pub struct KittiWriter {
@@ -43,8 +46,8 @@ impl KittiWriter {
     /// The folder is there and may not be replaced, or the data set cannot be read.
     pub fn create(path: &Path, data: &Path, naming: Naming, force: bool) -> Result<Self, ExchangeError> {
         let names = FrameNames::of(data, &Manifest::read(data)?)?;
-        let folder = NewFolder::create(path, MARKER, force)?;
-        fs::write(folder.path().join(MARKER), b"{\"format\": \"kitti\"}\n")?;
+        let folder = NewFolder::create(path, CONTENT, force)?;
+        folder.write(MARKER, b"{\"format\": \"kitti\"}\n")?;
         Ok(Self { folder, path: path.to_owned(), naming, names })
     }
 }
@@ -63,7 +66,7 @@ impl WriteBoxes for KittiWriter {
             format!("{row}\n")
         };
         let text: String = found.iter().map(row).collect();
-        Ok(fs::write(self.folder.path().join(format!("{frame}.txt")), text)?)
+        Ok(self.folder.write(&format!("{frame}.txt"), text.as_bytes())?)
     }
 
     fn finish(self: Box<Self>) -> Result<(), ExchangeError> {

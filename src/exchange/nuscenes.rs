@@ -19,7 +19,7 @@ use super::samples::NamedSample;
 use crate::eval::json::replace_python_numbers;
 use crate::export::DataSource;
 use crate::export::nuscenes::{GlobalFrames, Naming, sample_token};
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::geometry::{Box3, Ego, Point, Transform, World};
 use crate::nuscenes::{Token, default_attribute, detection_class, isometry_of};
 use crate::object::Detection;
@@ -76,7 +76,7 @@ impl ResultsWriter {
     /// # Errors
     /// The file exists and may not be replaced, or the data set cannot be read.
     pub fn create(path: &Path, data: &Path, naming: Naming, force: bool) -> Result<Self, ExchangeError> {
-        if path.exists() && !force {
+        if !force && files::is_there(path)? {
             return Err(ExchangeError::Exists { path: path.to_owned() });
         }
         let frames = GlobalFrames::of(&DataSource::open(data, None)?)?;

@@ -1,5 +1,6 @@
 //! One writer a folder: who writes says so in a file there, and holds it while it lives.
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::io::{self, Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use fs_err::os::unix::fs::OpenOptionsExt as _;
 use rustix::fs::{OFlags, fstat, lstat};
 use rustix::io::Errno;
 
-use super::{remove_if_there, told_with_room};
+use super::{is_file, remove_if_there, told_with_room};
 
 /// Name of the file, which counts as unfinished: it may be deleted where nobody holds it.
 const FILE: &str = "writer.partial";
@@ -47,7 +48,23 @@ impl FolderLock {
     /// # Errors
     /// As [`Self::take`].
     pub fn take_named(folder: &Path, name: &str) -> io::Result<Self> {
-        let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let folder = or_here(folder);
+        Self::take_for(folder, OsStr::new(name), folder)
+    }
+
+    /// Takes the right to make a file or a folder that appears whole, by a lock beside it: `<name>.writer.partial`. As [`Self::take`]
+    /// makes a folder, this makes the one that it lies in.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    pub fn take_beside(path: &Path) -> io::Result<Self> {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{FILE}"));
+        Self::take_for(or_here(path.parent().unwrap_or(Path::new(""))), &name, path)
+    }
+
+    /// Takes a lock of this name in a folder; what it is for is told where another process holds it.
+    fn take_for(folder: &Path, name: &OsStr, what: &Path) -> io::Result<Self> {
         let path = folder.join(name);
         let (mut is_new, mut n_retries) = (false, 3);
         loop {
@@ -68,12 +85,13 @@ impl FolderLock {
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
                     let mut holder = String::new();
                     file.read_to_string(&mut holder)?;
+                    let other = if what == folder { "folder" } else { "name" };
                     return Err(io::Error::new(
                         io::ErrorKind::ResourceBusy,
                         format!(
-                            "another process writes here ({}); wait for it, or give another folder: {}",
+                            "another process writes here ({}); wait for it, or give another {other}: {}",
                             holder.trim_end(),
-                            folder.display()
+                            what.display()
                         ),
                     ));
                 }
@@ -105,9 +123,15 @@ impl FolderLock {
 
     /// Removes the file that a process left which could not, where there is one and nobody holds it.
     pub fn tidy(folder: &Path) {
-        if folder.join(FILE).is_file() {
-            drop(Self::take(folder));
-        }
+        let _ = Self::refuse_other(folder);
+    }
+
+    /// An error where another process writes in a folder; the file of one that was killed is removed.
+    ///
+    /// # Errors
+    /// As [`Self::take`].
+    pub fn refuse_other(folder: &Path) -> io::Result<()> {
+        if is_file(&folder.join(FILE))? { Self::take(folder).map(drop) } else { Ok(()) }
     }
 
     /// An error where the folder was deleted, or replaced, since the lock was taken.
@@ -127,6 +151,11 @@ impl FolderLock {
             ),
         ))
     }
+}
+
+/// A folder, or the one that the process works in.
+fn or_here(folder: &Path) -> &Path {
+    if folder.as_os_str().is_empty() { Path::new(".") } else { folder }
 }
 
 /// Opens a file to write, or makes it, once no other process has it open so.
@@ -260,6 +289,23 @@ mod tests {
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
         fs::write(folder.join(FILE), "process 1 on a host that lost its power").unwrap();
         drop(FolderLock::take(&folder).unwrap());
+    }
+
+    #[test]
+    fn a_lock_beside_a_file_names_the_file_and_is_of_it_alone() {
+        let home = tempfile::tempdir().unwrap();
+        let file = home.path().join("new/film.mcap");
+        let held = FolderLock::take_beside(&file).unwrap();
+        assert!(home.path().join("new/film.mcap.writer.partial").exists());
+        let told = FolderLock::take_beside(&file).unwrap_err().to_string();
+        let who = format!("process {}", std::process::id());
+        assert!(
+            told.contains(&who) && told.contains("another name") && told.ends_with("film.mcap"),
+            "{told}"
+        );
+        drop(FolderLock::take_beside(&home.path().join("new/other.mcap")).unwrap());
+        drop(held);
+        assert!(!home.path().join("new").exists());
     }
 
     #[test]

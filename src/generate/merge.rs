@@ -20,7 +20,7 @@ use crate::config::{self, ConfigError};
 use crate::episode::folder::{AOV, is_whole, remove_unfinished};
 use crate::episode::manifest::{LabelCounts, label_sets};
 use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
-use crate::files::{FolderLock, bytes_to_copy, check_room, holds_anything, sha256_hex, write_atomic};
+use crate::files::{self, FolderLock, bytes_to_copy, check_room, holds_anything, sha256_hex, write_atomic};
 use crate::interrupt;
 use crate::progress::Progress;
 use crate::store::{link_or_copy, sha256_of};
@@ -181,7 +181,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
         manifest.write(out)?;
     }
     let own_models = first.path.join(OWN_MODELS);
-    if own_models.is_dir() {
+    if files::is_dir(&own_models)? {
         copy_folder(&own_models, &out.join(OWN_MODELS))?;
     }
     let episodes: Vec<EpisodeEntry> = ordered.iter().map(|(_, entry)| (*entry).clone()).collect();

@@ -15,7 +15,7 @@ use super::{ImportConfig, ImportError, Log, LogFormat, Notes};
 use crate::config::to_toml;
 use crate::episode::manifest::ObjectCounts;
 use crate::episode::{EpisodeEntry, EpisodeReader, LogFacts, Manifest, Split};
-use crate::files::{FolderLock, check_room};
+use crate::files::{self, FolderLock, check_room};
 use crate::interrupt;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -243,7 +243,7 @@ impl<'a> List<'a> {
         let wanted: BTreeSet<&String> = drives.iter().collect();
         for entry in self.manifest.episodes.iter().filter(|entry| wanted.contains(&entry.name)) {
             // Those that lie remotely alone are not fetched for it.
-            if !self.folder.join(&entry.file).is_file() {
+            if !files::is_file(&self.folder.join(&entry.file))? {
                 continue;
             }
             let episode = EpisodeReader::open_known(self.folder, entry)?;

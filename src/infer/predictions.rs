@@ -12,7 +12,7 @@ use crate::episode::{
     DetectionWriter, EpisodeEntry, EpisodeError, SampleDetections, SourceMeta, is_detections_file,
 };
 use crate::eval::json;
-use crate::files::{FolderLock, remove_unfinished};
+use crate::files::{self, FolderLock, remove_unfinished};
 use crate::object::Detection;
 use crate::store;
 
@@ -51,7 +51,7 @@ impl Predictions {
     /// [`PredictionsError::Exists`]; another process writes there.
     pub fn take_folder(folder: &Path, force: bool) -> Result<FolderLock, PredictionsError> {
         let lock = FolderLock::take(folder)?;
-        if !force && folder.join(Self::FILE).exists() {
+        if !force && files::is_there(&folder.join(Self::FILE))? {
             return Err(PredictionsError::Exists { path: folder.to_owned() });
         }
         remove_unfinished(folder)?;
@@ -113,8 +113,8 @@ impl Predictions {
             }
         }
         let lists = [Self::FILE, PredictionPart::FILE].map(|name| self.folder.join(name));
-        for path in lists.iter().filter(|path| path.is_file()).chain(&old) {
-            fs::remove_file(path)?;
+        for path in lists.iter().chain(&old) {
+            files::remove_if_there(path)?;
             store::discard(path);
         }
         Ok(())

@@ -184,7 +184,10 @@ fn finished(
     if !labels.episodes.iter().all(is_known) {
         return Err(other("other episodes"));
     }
-    let are_files_there = labels.episodes.iter().all(|entry| store::is_there(&folder.join(&entry.file)));
+    let mut are_files_there = true;
+    for entry in &labels.episodes {
+        are_files_there &= store::is_there(&folder.join(&entry.file))?;
+    }
     let is_complete = are_files_there && labels.episodes.len() == manifest.episodes.len();
     Ok(is_complete.then_some(labels))
 }

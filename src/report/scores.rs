@@ -14,7 +14,7 @@ use super::score_tables;
 use crate::config::to_toml;
 use crate::eval::sweep::Sweeps;
 use crate::eval::{Evaluation, Fault, Protocol};
-use crate::files::{read_sealed, seal_result, write_atomic, write_sealed};
+use crate::files::{self, read_sealed, seal_result, write_atomic, write_sealed};
 
 /// The whole evaluation.
 pub const METRICS_FILE: &str = "metrics.json";
@@ -86,7 +86,7 @@ impl Scores {
         Ok(Self {
             folder: folder.to_owned(),
             evaluation: evaluation.ok_or_else(|| ScoresError::NoMetrics { path: folder.to_owned() })?,
-            config_toml: if config.is_file() { Some(fs::read_to_string(config)?) } else { None },
+            config_toml: if files::is_file(&config)? { Some(fs::read_to_string(config)?) } else { None },
             provenance: read_json(&folder.join(PROVENANCE_FILE))?,
             faults: read_json(&folder.join(FAULTS_FILE))?.map(FaultsFile::into_list),
             sweeps: read_json(&folder.join(SWEEPS_FILE))?,
@@ -107,9 +107,7 @@ pub fn write(
 ) -> io::Result<()> {
     fs::create_dir_all(folder)?;
     let metrics = folder.join(METRICS_FILE);
-    if metrics.exists() {
-        fs::remove_file(&metrics)?;
-    }
+    files::remove_if_there(&metrics)?;
     let config = format!("# harmzone {}, harmzone eval\n{}", provenance.version, to_toml(protocol.config()));
     write_atomic(&folder.join(CONFIG_FILE), config.as_bytes())?;
     let table = score_tables::with_standing(evaluation, provenance.standing());
@@ -122,7 +120,7 @@ pub fn write(
 
 /// `None` if there is no such file.
 fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, ScoresError> {
-    if !path.is_file() {
+    if !files::is_file(path)? {
         return Ok(None);
     }
     let broken =

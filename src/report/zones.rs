@@ -14,7 +14,7 @@ use super::view::ViewError;
 use super::view::load::locate;
 use crate::episode::manifest::{Manifest, ManifestError};
 use crate::episode::{EpisodeError, EpisodeReader};
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::label::{LabelError, ZoneComparison, compare};
 use crate::progress::Progress;
 use crate::zone::{Zone, ZoneConfig, ZoneError, ZoneKind};
@@ -78,7 +78,9 @@ pub struct Plot {
 /// not valid.
 pub fn run(request: &ZonesRequest, progress: &dyn Progress) -> Result<ZonesSummary, ZonesError> {
     let ZonesRequest { dataset, zone, plot, sample, force } = request;
-    if let Some(path) = plot.as_ref().filter(|path| path.exists() && !force) {
+    if let Some(path) = plot.as_ref().filter(|_| !force)
+        && files::is_there(path)?
+    {
         return Err(ViewError::Exists { path: path.clone() }.into());
     }
     let of_kind = |kind| Zone::try_from(ZoneConfig { kind, ..zone.clone() });

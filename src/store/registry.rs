@@ -1,5 +1,5 @@
 //! The mirrors of this process, and what the rest of the program asks by a path: it works on folders, and need not know which
-//! of them mirror a URL. For any other path each function here does what the file system does.
+//! of them mirror a URL. For any other path each function here does what the file system does, but opens files alone.
 //!
 //! This is the one place with process-wide knowledge of URLs. Worker processes have none: they write into the mirror's
 //! folder, and their parent puts.
@@ -7,6 +7,7 @@
 use std::collections::BTreeSet;
 use std::fmt;
 use std::io;
+use std::os::unix::fs::FileTypeExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, RwLock};
 
@@ -100,11 +101,11 @@ fn of(path: &Path) -> Option<(Arc<Mirror>, String)> {
 /// Opens a file to read; fetches it first, where it lies remotely alone.
 ///
 /// # Errors
-/// As `File::open`; the store fails.
+/// As `File::open`; it is no file; the store fails.
 pub fn open_file(path: &Path) -> io::Result<fs::File> {
-    let Some((mirror, name)) = of(path) else { return fs::File::open(path) };
+    let Some((mirror, name)) = of(path) else { return open_here(path) };
     for _ in 1..ATTEMPTS {
-        match fs::File::open(path) {
+        match open_here(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 if mirror.bring(&name)?.is_none() {
                     return Err(error);
@@ -116,7 +117,25 @@ pub fn open_file(path: &Path) -> io::Result<fs::File> {
             }
         }
     }
-    fs::File::open(path)
+    open_here(path)
+}
+
+/// Opens a file of this machine. For a pipe in its place whoever reads would wait without end.
+fn open_here(path: &Path) -> io::Result<fs::File> {
+    let kind = match fs::metadata(path) {
+        Ok(found) if !found.is_file() => found.file_type(),
+        // What cannot be looked at cannot be opened either, and that error says so.
+        _ => return fs::File::open(path),
+    };
+    let found = if kind.is_fifo() {
+        "a pipe"
+    } else if kind.is_dir() {
+        "a folder"
+    } else {
+        "a device or a socket"
+    };
+    let text = format!("this is no file: {found}; a file is needed: {}", path.display());
+    Err(io::Error::new(io::ErrorKind::InvalidInput, text))
 }
 
 /// Lower-case hexadecimal SHA-256 of a file, which is fetched where it lies remotely alone.
@@ -144,12 +163,14 @@ pub fn size_of(path: &Path) -> io::Result<u64> {
 }
 
 /// Whether there is such a file, here or remotely.
-#[must_use]
-pub fn is_there(path: &Path) -> bool {
+///
+/// # Errors
+/// The disk does not tell.
+pub fn is_there(path: &Path) -> io::Result<bool> {
     let is_remote = |(mirror, name): (Arc<Mirror>, String)| {
         mirror.remote.lock().expect("no thread panics with it").contains_key(&name)
     };
-    path.is_file() || of(path).is_some_and(is_remote)
+    Ok(files::is_file(path)? || of(path).is_some_and(is_remote))
 }
 
 /// The files below a folder, here or remotely, by their paths from it, sorted; not those that are unfinished.
@@ -175,7 +196,7 @@ pub fn has(path: &Path, sha256: &str) -> io::Result<bool> {
     if let Some((mirror, name)) = of(path) {
         return Ok(mirror.has(&name, sha256)?);
     }
-    match files::sha256_of(path) {
+    match open_here(path).and_then(|mut file| files::sha256_of_reader(&mut file)) {
         Ok(found) => Ok(found == sha256),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),

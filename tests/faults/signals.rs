@@ -71,7 +71,7 @@ pub fn status_field(process: u32, field: &str) -> Option<String> {
 }
 
 /// Whether a child that nobody has waited for yet has ended.
-fn has_ended(process: u32) -> bool {
+pub fn has_ended(process: u32) -> bool {
     status_field(process, "State:").is_none_or(|state| state.starts_with('Z'))
 }
 
@@ -107,7 +107,7 @@ enum End {
 }
 
 /// The code of a process that a signal has asked to end.
-fn code_of(name: &str) -> i32 {
+pub fn code_of(name: &str) -> i32 {
     if name == "INT" { 130 } else { 143 }
 }
 

@@ -13,7 +13,7 @@ use super::spread::Portrait;
 use super::tally::Tally;
 use super::{archive, entries, sample, times};
 use crate::episode::manifest::{EpisodeEntry, LabelCounts};
-use crate::episode::{EpisodeError, EpisodeReader, check_archive};
+use crate::episode::{EpisodeError, EpisodeReader, check_stamps};
 use crate::files::sha256_hex;
 use crate::progress::Progress;
 use crate::sample::Sample;
@@ -83,7 +83,8 @@ fn open(
     examined: &mut Examined,
 ) -> Option<(EpisodeReader, Vec<u64>)> {
     let (file, name) = (context.path.join(&entry.file), &entry.name);
-    if !store::is_there(&file) {
+    // What cannot be looked at is told where it is read.
+    if matches!(store::is_there(&file), Ok(false)) {
         let text = format!(
             "dataset.json names the episode, and its file is not there; the command that made the data set, given again, makes it: {}",
             file.display()
@@ -100,15 +101,17 @@ fn open(
         }
         Err(error) => examined.tell(name, Remark::fault(Aspect::Hashes, "episode", error.to_string())),
     }
-    let read = check_archive(&file).and_then(|counts| Ok((counts, archive::examine(&file, counts)?)));
-    let in_file_ns = match read {
-        Ok((counts, (in_file_ns, remark))) => {
+    let is_ours = context.maker.is_known();
+    let read = check_stamps(&file, is_ours)
+        .and_then(|(counts, off)| Ok((counts, off, archive::examine(&file, counts)?)));
+    let (in_file_ns, off) = match read {
+        Ok((counts, off, (in_file_ns, remark))) => {
             let tally = &mut examined.tally;
             tally.n_archives += 1;
             tally.n_bytes += counts.n_bytes;
             tally.n_records += counts.n_records as u64;
             examined.tell_all(name, remark);
-            in_file_ns
+            (in_file_ns, off)
         }
         Err(error) => {
             examined.tell(name, Remark::fault(Aspect::Checksums, "episode", error.to_string()));
@@ -118,6 +121,9 @@ fn open(
     match EpisodeReader::open(&file) {
         Ok(reader) => {
             examined.tally.n_opened += 1;
+            // Importers stamp as `gen` does; others may take the stamps of a log's sensors.
+            let may_be = reader.log().is_some() && !is_ours;
+            examined.tell_all(name, times::examine_stamps(&file, &off, may_be));
             Some((reader, in_file_ns))
         }
         Err(error) => {

@@ -6,9 +6,10 @@ use std::path::Path;
 
 use super::check::{Aspect, Found, Remark};
 use super::folder::{label_folders, listed};
+use super::times;
 use crate::episode::manifest::{EpisodeEntry, LabelCounts, LabelManifest, Manifest};
-use crate::episode::{EpisodeError, LabelReader};
-use crate::files::{is_lock, is_unfinished};
+use crate::episode::{EpisodeError, LabelReader, check_stamps};
+use crate::files::{self, is_lock, is_unfinished};
 use crate::sample::Sample;
 use crate::store;
 use crate::zone::{Zone, ZoneConfig};
@@ -38,7 +39,7 @@ pub(super) fn open_all(path: &Path, manifest: &Manifest, found: &mut Found) -> i
     let mut sets = Vec::new();
     for (name, folder) in label_folders(path)? {
         let files = file_names(&folder)?;
-        if !folder.join(LabelManifest::FILE).is_file() {
+        if !files::is_file(&folder.join(LabelManifest::FILE))? {
             if !files.is_empty() {
                 let text = format!(
                     "the label set has no {}, by which stages read it; `harmzone label {} --labels {name}` goes on with it",
@@ -129,7 +130,7 @@ impl LabelSet {
             return None;
         };
         let file = LabelManifest::folder(path, name).join(&label.file);
-        if !store::is_there(&file) {
+        if matches!(store::is_there(&file), Ok(false)) {
             let text = format!("the label file is not there; {}: {}", remedy(path, name), file.display());
             remarks.push(Remark::fault(Aspect::Files, "missing label file", text));
             return None;
@@ -143,8 +144,10 @@ impl LabelSet {
             }
             Err(error) => remarks.push(Remark::fault(Aspect::Hashes, "label file", error.to_string())),
         }
-        let reader = match LabelReader::open(&file) {
-            Ok(reader) => reader,
+        // Label files are by this program alone.
+        let read = check_stamps(&file, true).and_then(|(_, off)| Ok((LabelReader::open(&file)?, off)));
+        let (reader, off) = match read {
+            Ok(read) => read,
             Err(error) => {
                 let is_damage = matches!(error, EpisodeError::Damaged { .. } | EpisodeError::NoIndex { .. });
                 let aspect = if is_damage { Aspect::Checksums } else { Aspect::Schemas };
@@ -152,6 +155,7 @@ impl LabelSet {
                 return None;
             }
         };
+        remarks.extend(times::examine_stamps(&file, &off, false));
         let meta = reader.meta();
         let n = reader.samples().len();
         let told = |sha256: &str| {

@@ -1,15 +1,14 @@
 //! Who made a data set, by its config: `gen.toml` of `gen`, `import.toml` of `import`; and what its episodes must be then.
 
 use std::collections::BTreeMap;
-use std::io;
+use std::io::{self, Read as _};
 use std::path::Path;
-
-use fs_err as fs;
 
 use super::check::{Aspect, Found, Remark};
 use crate::episode::{EpisodeMeta, Manifest, Split};
 use crate::files::sha256_hex;
 use crate::generate::{CheckedConfig, GenerateConfig, plan};
+use crate::store;
 
 /// The configs that a data set's folder may hold, beside its manifest.
 const GEN_FILE: &str = "gen.toml";
@@ -27,9 +26,12 @@ pub(super) struct ConfigFile {
 
 impl ConfigFile {
     /// The one that is there; `None` in data sets by others.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no file.
     pub(super) fn find(path: &Path) -> io::Result<Option<Self>> {
         for name in [GEN_FILE, IMPORT_FILE] {
-            match fs::read(path.join(name)) {
+            match read(&path.join(name)) {
                 Ok(bytes) => {
                     let (toml, sha256) = (String::from_utf8_lossy(&bytes).into_owned(), sha256_hex(&bytes));
                     return Ok(Some(Self { name, toml, sha256 }));
@@ -45,6 +47,12 @@ impl ConfigFile {
     pub(super) fn name_for(meta: &EpisodeMeta) -> &'static str {
         if toml::from_str::<GenerateConfig>(&meta.config_toml).is_ok() { GEN_FILE } else { IMPORT_FILE }
     }
+}
+
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    store::open_file(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// Who made a data set, and how.
@@ -81,6 +89,11 @@ impl Maker {
             Self::Gen { config, .. } => Some(config),
             Self::Import { .. } | Self::Unknown => None,
         }
+    }
+
+    /// Whether its config is there, so that this program wrote the episodes.
+    pub(super) fn is_known(&self) -> bool {
+        !matches!(self, Self::Unknown)
     }
 
     /// Whether an episode was made by this config; who made others is not known.
@@ -148,8 +161,18 @@ pub(super) fn examine(
 
 #[cfg(test)]
 mod tests {
+    use rustix::fs::{CWD, Mode, mkfifoat};
+
     use super::*;
     use crate::config::to_toml;
+
+    #[test]
+    fn a_pipe_in_place_of_the_config_is_refused_and_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        mkfifoat(CWD, folder.path().join(GEN_FILE), Mode::RUSR | Mode::WUSR).unwrap();
+        let told = ConfigFile::find(folder.path()).err().unwrap().to_string();
+        assert!(told.contains("this is no file: a pipe") && told.ends_with(GEN_FILE), "{told}");
+    }
 
     fn of(toml: &str) -> Maker {
         let (toml, sha256) = (toml.to_owned(), sha256_hex(toml.as_bytes()));

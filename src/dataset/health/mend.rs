@@ -14,7 +14,7 @@ use super::rebuild::{count, entry_of, is_of_a_set, names_of, plans_for, rebuild}
 use crate::dataset::DatasetError;
 use crate::episode::manifest::{EpisodeEntry, Manifest};
 use crate::episode::{EpisodeReader, check_archive};
-use crate::files::{FolderLock, give_final_name, is_lock, sha256_hex, write_atomic};
+use crate::files::{self, FolderLock, give_final_name, is_lock, sha256_hex, write_atomic};
 use crate::progress::Progress;
 use crate::store;
 
@@ -70,7 +70,7 @@ fn mend_manifest(path: &Path, done: &mut Vec<String>) -> Result<Option<Manifest>
         return Ok(None);
     }
     let file = path.join(Manifest::FILE);
-    if file.is_file() {
+    if files::is_file(&file)? {
         let aside = set_aside(path, &file)?;
         done.push(format!("set the broken {} aside: {}", Manifest::FILE, aside.display()));
     }
@@ -90,6 +90,7 @@ fn mend_config(path: &Path, manifest: &Manifest, done: &mut Vec<String>) -> io::
     if config.as_ref().is_some_and(|config| config.sha256 == manifest.config_sha256) {
         return Ok(());
     }
+    // One that cannot be read has no config to give; that the disk fails is told where the episodes are mended.
     let meta_of =
         |entry: &EpisodeEntry| Some(EpisodeReader::open(&path.join(&entry.file)).ok()?.meta().clone());
     let is_wanted = |toml: &str| sha256_hex(toml.as_bytes()) == manifest.config_sha256;
@@ -179,7 +180,7 @@ fn mend_episodes(
     let is_ours = |place: usize| part.is_none_or(|part| part.shard.holds(place as u32));
     let is_planned = |entry: &EpisodeEntry| plans.get(&entry.name).is_some_and(|(place, _)| is_ours(*place));
     for file in unknown {
-        match entry_of(path, &file, &maker, &plans) {
+        match entry_of(path, &file, &maker, &plans)? {
             Some((entry, _)) if is_planned(&entry) && kept.iter().all(|other| other.name != entry.name) => {
                 done.push(format!(
                     "entered `{}`, which is whole and planned, into {}",
@@ -207,7 +208,7 @@ fn mend_episodes(
     }
     if !before.iter().all(|name| kept.iter().any(|entry| entry.name == *name)) {
         let aside = free_name(path, &path.join(Manifest::FILE))?;
-        fs::copy(path.join(Manifest::FILE), &aside)?;
+        write_atomic(&aside, &fs::read(path.join(Manifest::FILE))?)?;
         done.push(format!("kept {} as it was: {}", Manifest::FILE, aside.display()));
     }
     manifest.episodes = kept;
@@ -218,7 +219,7 @@ fn mend_episodes(
 /// The disk does not answer.
 fn state_of(path: &Path, entry: &EpisodeEntry, maker: &Maker, plans: &Plans) -> io::Result<State> {
     let file = path.join(&entry.file);
-    if !store::is_there(&file) {
+    if !store::is_there(&file)? {
         return Ok(State::Missing);
     }
     if store::sha256_of(&file)? != entry.sha256 {
@@ -230,6 +231,7 @@ fn state_of(path: &Path, entry: &EpisodeEntry, maker: &Maker, plans: &Plans) -> 
     });
     let (reader, n_objects) = match read {
         Ok(read) => read,
+        Err(error) if files::is_of_system(&error) => return Err(io::Error::other(error)),
         Err(error) => return Ok(State::Torn(error.to_string())),
     };
     let meta = reader.meta();
@@ -272,10 +274,13 @@ fn free_name(path: &Path, file: &Path) -> io::Result<PathBuf> {
     fs::create_dir_all(&folder)?;
     let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let names = std::iter::once(name.clone()).chain((2..).map(|n| format!("{name}.{n}")));
-    Ok(names
-        .map(|name| folder.join(name))
-        .find(|path| !path.exists() && !path.is_symlink())
-        .expect("names without end"))
+    for free in names.map(|name| folder.join(name)) {
+        match fs::symlink_metadata(&free) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(free),
+            found => found.map(drop)?,
+        }
+    }
+    unreachable!("there are names without end")
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::episode::manifest::{EpisodeEntry, ManifestError, ObjectCounts};
 use crate::episode::{
     EpisodeError, EpisodeMeta, EpisodeReader, MAX_EPISODES, Manifest, Split, check_archive,
 };
+use crate::files;
 use crate::store;
 
 /// Episodes are looked for among so many times those that are there, at first.
@@ -73,8 +74,9 @@ pub(super) fn rebuild(path: &Path) -> io::Result<Rebuilt> {
     let maker = Maker::of(config.as_ref(), &sha256);
     let files = episode_files(path)?;
     let plans = plans_for(&maker, &names_of(&files));
-    let mut made: Vec<(EpisodeEntry, EpisodeMeta)> =
-        files.par_iter().filter_map(|file| entry_of(path, file, &maker, &plans)).collect();
+    let made: Vec<Option<(EpisodeEntry, EpisodeMeta)>> =
+        files.par_iter().map(|file| entry_of(path, file, &maker, &plans)).collect::<io::Result<_>>()?;
+    let mut made: Vec<(EpisodeEntry, EpisodeMeta)> = made.into_iter().flatten().collect();
     let place = |entry: &EpisodeEntry| plans.get(&entry.name).map_or(usize::MAX, |(place, _)| *place);
     made.sort_by_key(|(entry, _)| place(entry));
     let is_ood = made.iter().any(|(entry, _)| entry.ood);
@@ -98,22 +100,32 @@ pub(super) fn rebuild(path: &Path) -> io::Result<Rebuilt> {
 }
 
 /// The entry of an episode's file, if it is whole and of this maker, and its metadata.
+///
+/// # Errors
+/// The disk does not answer: whether it is whole, nobody can tell.
 pub(super) fn entry_of(
     path: &Path,
     file: &str,
     maker: &Maker,
     plans: &Plans,
-) -> Option<(EpisodeEntry, EpisodeMeta)> {
+) -> io::Result<Option<(EpisodeEntry, EpisodeMeta)>> {
     let of_file = path.join(file);
     let read = check_archive(&of_file).and_then(|_| EpisodeReader::open(&of_file)).and_then(|reader| {
         let counts = count(&reader)?;
         Ok((reader, counts))
     });
-    let (reader, n_objects) = read.ok()?;
+    let (reader, n_objects) = match read {
+        Ok(read) => read,
+        Err(error) if files::is_of_system(&error) => return Err(io::Error::other(error)),
+        Err(_) => return Ok(None),
+    };
     let meta = reader.meta();
     let is_named = of_file.file_stem().is_some_and(|stem| stem.to_string_lossy() == meta.name.as_str());
     let split = match maker {
-        Maker::Gen { .. } => plans.get(&meta.name).map(|(_, split)| *split)?,
+        Maker::Gen { .. } => match plans.get(&meta.name) {
+            Some((_, split)) => *split,
+            None => return Ok(None),
+        },
         // As an import has it where nobody says another.
         Maker::Import { .. } | Maker::Unknown => Split::Test,
     };
@@ -127,9 +139,9 @@ pub(super) fn entry_of(
         ood: meta.ood,
         n_samples: reader.len(),
         n_objects,
-        sha256: store::sha256_of(&of_file).ok()?,
+        sha256: store::sha256_of(&of_file)?,
     };
-    (is_named && maker.has_made(meta)).then(|| (entry, meta.clone()))
+    Ok((is_named && maker.has_made(meta)).then(|| (entry, meta.clone())))
 }
 
 /// An episode's boxes, all of whose samples are read.

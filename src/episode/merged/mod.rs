@@ -19,7 +19,9 @@ use self::copy::Source;
 use super::archive::ArchiveWriter;
 use super::error::{EpisodeError, MessageFault};
 use super::{DetectionReader, EpisodeReader, LabelReader, SampleDetections, SampleLabels, topics};
+use crate::files::FolderLock;
 use crate::geometry::Point2;
+use crate::interrupt;
 use crate::object::{Detection, Harm};
 use crate::progress::Progress;
 use crate::sample::Sample;
@@ -92,7 +94,8 @@ impl Drawn<'_> {
 /// Writes the joined file; one that is there is replaced.
 ///
 /// # Errors
-/// A broken file, labels or boxes that are not of the episode's samples, or the disk fails.
+/// A broken file, labels or boxes that are not of the episode's samples, another process that writes the same file, a signal that
+/// asks to end, or the disk fails.
 pub fn write_merged(
     path: &Path,
     sources: MergeSources<'_>,
@@ -100,6 +103,7 @@ pub fn write_merged(
     progress: &dyn Progress,
 ) -> Result<PathBuf, EpisodeError> {
     let MergeSources { episode, labels, detections } = sources;
+    let _lock = FolderLock::take_beside(path)?;
     let mut files = vec![Source::large(episode.path())?];
     for path in labels.map(LabelReader::path).into_iter().chain(detections.map(DetectionReader::path)) {
         files.push(Source::small(path)?);
@@ -110,6 +114,7 @@ pub fn write_merged(
     let mut boxes = boxes::Boxes::default();
     progress.start("join", episode.len() as u64);
     for (sample_idx, &time_ns) in episode.times_ns().iter().enumerate() {
+        interrupt::check()?;
         let sample = episode.whole_sample(sample_idx)?;
         writer.begin_sample(time_ns)?;
         copy_up_to(time_ns, &mut files, &mut writer)?;
@@ -141,7 +146,7 @@ pub fn write_merged(
 
 /// Starts the file with the topics of the sources, and those of the drawings that there is something for.
 fn start(path: &Path, sources: MergeSources<'_>, files: &[Source]) -> Result<ArchiveWriter, EpisodeError> {
-    let mut writer = ArchiveWriter::create(path, &[])?;
+    let mut writer = ArchiveWriter::create_alone(path)?;
     for file in files {
         file.declare(&mut writer)?;
     }

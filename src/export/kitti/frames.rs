@@ -7,6 +7,7 @@ use std::path::Path;
 
 use crate::episode::{EpisodeReader, Manifest};
 use crate::export::ExportError;
+use crate::interrupt;
 
 /// Frames are named by six digits.
 const MAX_FRAMES: usize = 1_000_000;
@@ -20,7 +21,7 @@ pub struct FrameNames {
 
 impl FrameNames {
     /// # Errors
-    /// A damaged episode, or more samples than six digits can number.
+    /// A damaged episode, a signal that asks to end, or more samples than six digits can number.
     pub fn of(dataset: &Path, manifest: &Manifest) -> Result<Self, ExportError> {
         let n_samples: usize = manifest.episodes.iter().map(|entry| entry.n_samples).sum();
         if n_samples > MAX_FRAMES {
@@ -55,6 +56,7 @@ fn own_names(
 ) -> Result<Option<BTreeMap<String, Vec<String>>>, ExportError> {
     let (mut all, mut of_episodes) = (BTreeSet::new(), BTreeMap::new());
     for entry in &manifest.episodes {
+        interrupt::check()?;
         let reader = EpisodeReader::open_known(dataset, entry)?;
         let Some(log) = reader.log().filter(|log| log.format == "kitti") else { return Ok(None) };
         let names = reader.times_ns().iter().map(|&time_ns| log.sample_name(time_ns).map(str::to_owned));

@@ -5,6 +5,7 @@
 
 mod frames;
 mod label;
+mod layout;
 mod rig;
 mod state;
 
@@ -13,7 +14,6 @@ use std::fmt;
 use std::io::Cursor;
 use std::path::Path;
 
-use fs_err as fs;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -21,11 +21,13 @@ use super::nuscenes::Naming;
 use super::{DataSource, ExportError, LabelledEpisode, MARKER};
 use crate::episode::{EpisodeEntry, Split};
 use crate::files::NewFolder;
+use crate::interrupt;
 use crate::progress::Progress;
 use crate::sample::{EncodedImage, ImageFormat, Sample};
 
 pub use frames::FrameNames;
 pub use label::{KittiRow, type_of_harm};
+use layout::{CONTENT, PARTS};
 pub use rig::{KittiRig, RectifiedBox};
 use state::{EgoStateFile, cloud_bytes, ring_bytes};
 
@@ -115,12 +117,12 @@ struct ExportFile<'a> {
 /// Exports a data set.
 ///
 /// # Errors
-/// Something is at `out`, labels are missing, a file is damaged, or a camera looks straight up or down.
+/// Something is at `out`, labels are missing, a file is damaged, a camera looks straight up or down, or a signal asks to end.
 pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiSummary, ExportError> {
     let labels = request.naming.needs_labels().then_some(request.labels);
     let source = DataSource::open(request.dataset, labels)?;
     let manifest = source.manifest();
-    let folder = NewFolder::create(request.out, MARKER, request.force)?;
+    let folder = NewFolder::create(request.out, CONTENT, request.force)?;
     let names = FrameNames::of(request.dataset, manifest)?;
     // Where nothing is for the test, dev or validation takes its place, since mmdetection3d's converter wants frames there.
     let has = |split: &Split| manifest.of_split(*split).next().is_some();
@@ -130,7 +132,7 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
         fs_err::os::unix::fs::symlink("training", folder.path().join("testing"))?;
     }
     for half in ["training", "testing"].into_iter().filter(|half| has_test || *half == "training") {
-        for part in ["velodyne", "image_2", "calib", "label_2", "ego_state", "ring"] {
+        for part in PARTS {
             folder.make(&format!("{half}/{part}"))?;
         }
     }
@@ -157,7 +159,7 @@ pub fn run(request: &KittiRequest<'_>, progress: &dyn Progress) -> Result<KittiS
         frames,
     };
     let bytes = serde_json::to_vec_pretty(&file).expect("the list of frames has a JSON form");
-    fs::write(folder.path().join(MARKER), bytes)?;
+    folder.write(MARKER, &bytes)?;
     folder.finish()?;
     Ok(summary)
 }
@@ -169,7 +171,7 @@ fn is_for_testing(split: Split) -> bool {
 
 /// `ImageSets/<list>.txt`: a frame a line.
 fn write_lists(frames: &[FrameEntry], for_test: Split, folder: &NewFolder) -> Result<(), ExportError> {
-    let path = folder.make("ImageSets")?;
+    folder.make("ImageSets")?;
     let lists: [(&str, &[Split]); 4] = [
         ("train", &[Split::Train]),
         ("val", &[Split::Val]),
@@ -181,7 +183,7 @@ fn write_lists(frames: &[FrameEntry], for_test: Split, folder: &NewFolder) -> Re
         let mut names: Vec<&str> = of_list.map(|entry| entry.frame.as_str()).collect();
         names.sort_unstable();
         let text: String = names.iter().flat_map(|name| [name, "\n"]).collect();
-        fs::write(path.join(format!("{name}.txt")), text)?;
+        folder.write(&format!("ImageSets/{name}.txt"), text.as_bytes())?;
     }
     Ok(())
 }
@@ -194,9 +196,10 @@ fn write_episode(
     progress: &dyn Progress,
 ) -> Result<(KittiSummary, Vec<FrameEntry>), ExportError> {
     let entry = episode.entry();
-    let half = folder.path().join(if is_for_testing(entry.split) { "testing" } else { "training" });
+    let half = if is_for_testing(entry.split) { "testing" } else { "training" };
     let (mut summary, mut frames) = (KittiSummary::default(), Vec::new());
     for sample_idx in 0..episode.reader.len() {
+        interrupt::check()?;
         let frame = names.get(&entry.name, sample_idx).expect("every sample has a name").to_owned();
         let (sample, harms) = episode.sample(sample_idx)?;
         let unfit = |message: String| ExportError::Unfit {
@@ -204,20 +207,22 @@ fn write_episode(
             path: episode.reader.path().to_owned(),
         };
         let rig = KittiRig::of(&sample.measured, episode.reader.log()).map_err(unfit)?;
-        let file = |part: &str, ending: &str| half.join(part).join(format!("{frame}.{ending}"));
-        fs::write(file("velodyne", "bin"), cloud_bytes(&sample.measured.points))?;
-        fs::write(file("ring", "bin"), ring_bytes(&sample.measured.points))?;
-        fs::write(file("calib", "txt"), rig.calibration_text())?;
+        let write = |part: &str, ending: &str, bytes: &[u8]| {
+            folder.write(&format!("{half}/{part}/{frame}.{ending}"), bytes)
+        };
+        write("velodyne", "bin", &cloud_bytes(&sample.measured.points))?;
+        write("ring", "bin", &ring_bytes(&sample.measured.points))?;
+        write("calib", "txt", rig.calibration_text().as_bytes())?;
         let image = &sample.measured.image;
         summary.n_unpacked += usize::from(image.format == ImageFormat::Jpeg);
         let png = png_of(image).map_err(|error| unfit(format!("its picture cannot be unpacked: {error}")))?;
-        fs::write(file("image_2", "png"), png.as_deref().unwrap_or(&image.bytes))?;
+        write("image_2", "png", png.as_deref().unwrap_or(&image.bytes))?;
         let state = EgoStateFile::new(&entry.name, sample_idx, entry.split, &sample.measured);
         let state = serde_json::to_vec_pretty(&state).expect("a state has a JSON form");
-        fs::write(file("ego_state", "json"), state)?;
+        write("ego_state", "json", &state)?;
         let objects = match label_text(&sample, &harms, naming, &rig, &mut summary) {
             Some((text, ids)) => {
-                fs::write(file("label_2", "txt"), text)?;
+                write("label_2", "txt", text.as_bytes())?;
                 ids
             }
             None => Vec::new(),

@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
 
-use fs_err as fs;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::files::NewFolder;
 use crate::geometry::{Ego, Transform, World};
 use crate::nuscenes::{CanPose, STEERING_RATIO, SteeringWheel, VehicleMonitor, rotation_of, translation_of};
 use crate::sample::EgoState;
@@ -41,8 +40,8 @@ impl CanMessages {
         });
     }
 
-    /// Writes `<scene>_<message>.json` and `<scene>_meta.json`.
-    pub(super) fn write(&self, folder: &Path, scene: &str) -> io::Result<()> {
+    /// Writes `can_bus/<scene>_<message>.json` and `can_bus/<scene>_meta.json`.
+    pub(super) fn write(&self, folder: &NewFolder, scene: &str) -> io::Result<()> {
         let speeds = self.vehicle_monitor.iter().map(|message| message.vehicle_speed);
         let wheels = self.steering_wheel.iter().map(|message| message.value);
         let rates = self.pose.iter().map(|message| message.rotation_rate[2]);
@@ -53,7 +52,7 @@ impl CanMessages {
             "pose": facts(&times, "rotation_rate_z", rates),
         });
         let write = |message: &str, value: &dyn Fn() -> serde_json::Result<Vec<u8>>| {
-            fs::write(folder.join(format!("{scene}_{message}.json")), value()?)
+            folder.write(&format!("can_bus/{scene}_{message}.json"), &value()?)
         };
         write("vehicle_monitor", &|| list(&self.vehicle_monitor))?;
         write("steeranglefeedback", &|| list(&self.steering_wheel))?;

@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 use crate::episode::{EpisodeReader, MapDrawing};
 use crate::export::{DataSource, ExportError};
 use crate::geometry::{Point, Transform, World};
+use crate::interrupt;
 
 /// The devkit's resolution of masks.
 const PX_PER_M: f64 = 10.0;
@@ -37,10 +38,11 @@ impl GlobalFrames {
     /// Looks through the drawings of all episodes.
     ///
     /// # Errors
-    /// A damaged file.
+    /// A damaged file, or a signal asks to end.
     pub fn of(source: &DataSource) -> Result<Self, ExportError> {
         let mut frames = Self::default();
         for entry in &source.manifest().episodes {
+            interrupt::check()?;
             let reader = EpisodeReader::open_known(source.path(), entry)?;
             if reader.log().is_none_or(|log| log.format != "nuscenes") {
                 frames.take(&entry.town, &reader.map()?);

@@ -7,6 +7,7 @@ mod calendar;
 mod cameras;
 mod can_bus;
 mod files;
+mod layout;
 mod map_mask;
 mod naming;
 mod scene;
@@ -17,7 +18,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
-use fs_err as fs;
 use image::GrayImage;
 use serde::Serialize;
 use serde_json::json;
@@ -29,6 +29,7 @@ use crate::nuscenes::{
     AttributeRow, CategoryRow, MapRow, SceneSection, SensorRow, Token, VisibilityRow, scene_names,
 };
 use crate::progress::Progress;
+use layout::CONTENT;
 use scene::{Placement, SceneRows, VISIBILITIES};
 use tables::Tables;
 
@@ -118,10 +119,10 @@ struct Version {
 /// Exports a data set.
 ///
 /// # Errors
-/// Something is at `out`, labels are missing, there are more episodes than scene names, or a file is damaged.
+/// Something is at `out`, labels are missing, there are more episodes than scene names, a file is damaged, or a signal asks to end.
 pub fn run(request: &NuScenesRequest<'_>, progress: &dyn Progress) -> Result<NuScenesSummary, ExportError> {
     let source = DataSource::open(request.dataset, request.naming.needs_labels().then_some(request.labels))?;
-    let folder = NewFolder::create(request.out, MARKER, request.force)?;
+    let folder = NewFolder::create(request.out, CONTENT, request.force)?;
     let versions = plan(&source, request.release)?;
     let is_used =
         |entry: &&EpisodeEntry| versions.iter().any(|version| version.scenes.contains_key(&entry.name));
@@ -218,7 +219,7 @@ impl Export {
             folder.make(inside)?;
         }
         let start = |version: Version| {
-            let tables = Tables::create(&folder.make(version.name)?)?;
+            let tables = Tables::create(&folder, version.name)?;
             Ok((version, tables))
         };
         let versions: Vec<_> = versions.into_iter().map(start).collect::<std::io::Result<_>>()?;
@@ -268,7 +269,7 @@ impl Export {
             if let Some((_, name)) = version.scenes.get(&entry.name) {
                 rows.scene.name.clone_from(name);
                 add_rows(tables, &rows)?;
-                rows.can.write(&self.folder.path().join("can_bus"), name)?;
+                rows.can.write(&self.folder, name)?;
             }
         }
         self.n_samples += rows.samples.len();
@@ -300,7 +301,7 @@ impl Export {
         source: &DataSource,
     ) -> Result<NuScenesSummary, ExportError> {
         if !self.black_channels.is_empty() {
-            fs::write(self.folder.path().join(scene::BLACK), cameras::black_picture())?;
+            self.folder.write(scene::BLACK, &cameras::black_picture())?;
         }
         self.channels.extend(self.black_channels.iter().cloned());
         for (version, tables) in &mut self.versions {
@@ -317,7 +318,7 @@ impl Export {
         for (town, (mask, _)) in &self.towns {
             let mut bytes = std::io::Cursor::new(Vec::new());
             mask.write_to(&mut bytes, image::ImageFormat::Png).expect("a mask has a PNG form");
-            fs::write(self.folder.path().join(mask_file(town)), bytes.into_inner())?;
+            self.folder.write(&mask_file(town), bytes.get_ref())?;
         }
         let mut versions = BTreeMap::new();
         for (version, tables) in self.versions {
@@ -336,7 +337,7 @@ impl Export {
             "version": request.release.name(),
         });
         let marker = serde_json::to_vec_pretty(&marker).expect("a marker has a JSON form");
-        fs::write(self.folder.path().join(MARKER), marker)?;
+        self.folder.write(MARKER, &marker)?;
         self.folder.finish()?;
         Ok(NuScenesSummary {
             versions,

@@ -5,8 +5,6 @@
 
 use std::collections::BTreeMap;
 
-use fs_err as fs;
-
 use super::calendar::date;
 use super::cameras::{self, MissingCamera};
 use super::can_bus::CanMessages;
@@ -16,6 +14,7 @@ use super::tokens::sample_token;
 use crate::export::{ExportError, LabelledEpisode};
 use crate::files::NewFolder;
 use crate::geometry::{Ego, Frame, Lidar, Pinhole, Transform, World};
+use crate::interrupt;
 use crate::nuscenes::{
     CalibratedSensorRow, EgoPoseRow, InstanceRow, LogRow, SampleAnnotationRow, SampleDataRow, SampleRow,
     SceneRow, Token, default_attribute, detection_class, rotation_of, translation_of, write_cloud,
@@ -64,6 +63,7 @@ pub(super) fn write(
 ) -> Result<SceneRows, ExportError> {
     let mut scene = SceneBuilder::new(episode, place, naming, folder);
     for sample_idx in 0..episode.reader.len() {
+        interrupt::check()?;
         let (sample, harms) = episode.sample(sample_idx)?;
         let global_from_ego = place.global_from_world * sample.measured.world_from_ego;
         scene.add(sample_idx, &sample, &harms, &global_from_ego)?;
@@ -193,11 +193,8 @@ impl<'a> SceneBuilder<'a> {
             let time_us = sweep.time_ns / 1000 + self.delay_us;
             let filename =
                 format!("sweeps/{LIDAR}/{}__{LIDAR}__{time_us}.pcd.bin", self.episode.entry().name);
-            fs::create_dir_all(self.folder.path().join("sweeps").join(LIDAR))?;
-            fs::write(
-                self.folder.path().join(&filename),
-                write_cloud(sweep.points.iter().map(in_their_axes)),
-            )?;
+            self.folder.make(&format!("sweeps/{LIDAR}"))?;
+            self.folder.write(&filename, &write_cloud(sweep.points.iter().map(in_their_axes)))?;
             let world_from_ego = sweep.world_from_lidar * measured.ego_from_lidar.inverse();
             let file = SensorFile { is_key_frame: false, ..cloud_file(measured, filename) };
             self.add_file(file, sample_token, time_us, &(global_from_world * world_from_ego));
@@ -218,7 +215,7 @@ impl<'a> SceneBuilder<'a> {
         };
         let mut files = Vec::new();
         let lidar = name(LIDAR, "pcd.bin");
-        fs::write(self.folder.path().join(&lidar), write_cloud(measured.points.iter().map(in_their_axes)))?;
+        self.folder.write(&lidar, &write_cloud(measured.points.iter().map(in_their_axes)))?;
         files.push(cloud_file(measured, lidar));
         let front = (cameras::front(), &measured.image, measured.ego_from_camera, measured.intrinsics);
         let views = self.episode.reader.views(sample_idx)?;
@@ -228,8 +225,8 @@ impl<'a> SceneBuilder<'a> {
         for (channel, image, ego_from_camera, intrinsics) in std::iter::once(front).chain(others) {
             let format = ending(image);
             let filename = name(&channel, format);
-            fs::create_dir_all(self.folder.path().join("samples").join(&channel))?;
-            fs::write(self.folder.path().join(&filename), &image.bytes)?;
+            self.folder.make(&format!("samples/{channel}"))?;
+            self.folder.write(&filename, &image.bytes)?;
             let ego_from_sensor = ego_from_camera.isometry;
             files.push(SensorFile {
                 channel,

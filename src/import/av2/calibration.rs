@@ -6,6 +6,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 use super::feather::Table;
+use crate::files;
 use crate::import::ImportError;
 
 /// Poses and intrinsics by sensor name.
@@ -27,7 +28,7 @@ impl Calibration {
     /// Reads `calibration/`; `None` where the log comes without.
     pub(super) fn read(log: &Path) -> Result<Option<Self>, ImportError> {
         let folder = log.join("calibration");
-        if !folder.is_dir() {
+        if !files::is_dir(&folder)? {
             return Ok(None);
         }
         let poses = Table::read(&folder.join("egovehicle_SE3_sensor.feather"))?;

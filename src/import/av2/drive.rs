@@ -10,6 +10,7 @@ use super::feather::Table;
 use super::lidar::read_sweep;
 use super::map::read_map;
 use crate::episode::MapDrawing;
+use crate::files;
 use crate::geometry::{Box3, Camera, Ego, Lidar, Point, Transform, World};
 use crate::import::error::read;
 use crate::import::motion::Motion;
@@ -50,7 +51,7 @@ impl SensorLog {
         let odometry = read_poses(&folder.join("city_SE3_egovehicle.feather"))?;
         let annotations = folder.join("annotations.feather");
         let annotated =
-            if annotations.is_file() { Some(read_cuboids(&annotations, &odometry)?) } else { None };
+            if files::is_file(&annotations)? { Some(read_cuboids(&annotations, &odometry)?) } else { None };
         let mut methods = Vec::new();
         let of_lidar = calibration.as_ref().and_then(|found| found.ego_from_sensor.get(LIDAR));
         let mount_m = of_lidar.map_or(config.lidar_mount_m, |mount| mount.translation.vector.into());
@@ -70,7 +71,7 @@ impl SensorLog {
         for name in wanted {
             let pictures = folder.join("sensors/cameras").join(&name);
             let is_calibrated = calibration.as_ref().is_some_and(|found| found.cameras.contains_key(&name));
-            match (pictures.is_dir(), is_calibrated) {
+            match (files::is_dir(&pictures)?, is_calibrated) {
                 (true, true) => cameras.push((name, stamps(&pictures, "jpg")?)),
                 (true, false) => {
                     notes.tell(format!("the pictures of `{name}` have no calibration and are left out"));

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use self::drive::SensorLog;
 use super::error::listed;
 use super::{Drive, ImportConfig, ImportError, Log, Notes};
+use crate::files;
 
 /// A log's folder, or a folder of logs.
 pub struct Av2Log {
@@ -28,13 +29,17 @@ pub struct Av2Log {
 /// # Errors
 /// There is none.
 pub fn open_av2(source: &Path, config: &ImportConfig) -> Result<Av2Log, ImportError> {
-    let is_log = |path: &Path| path.join("sensors/lidar").is_dir();
-    let mut folders = vec![source.to_owned()];
-    folders.extend(listed(source)?);
+    let mut places = vec![source.to_owned()];
+    places.extend(listed(source)?);
     for split in ["train", "val", "test"] {
-        folders.extend(listed(&source.join(split))?);
+        places.extend(listed(&source.join(split))?);
     }
-    folders.retain(|folder| is_log(folder));
+    let mut folders = Vec::new();
+    for place in places {
+        if files::is_dir(&place.join("sensors/lidar"))? {
+            folders.push(place);
+        }
+    }
     if folders.is_empty() {
         let message = "no Argoverse 2 log is here: neither this folder nor one in it holds sensors/lidar";
         return Err(ImportError::at(source, message));

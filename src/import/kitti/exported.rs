@@ -5,6 +5,7 @@ use std::path::Path;
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use serde::Deserialize;
 
+use crate::files;
 use crate::geometry::Transform;
 use crate::import::error::{read, read_text};
 use crate::import::{ImportError, Odometry, RawPoint, Series};
@@ -27,7 +28,7 @@ impl ExportedState {
     /// The state of a frame; `None` in a set that is KITTI's own.
     pub(super) fn read(folder: &Path, stem: &str) -> Result<Option<Self>, ImportError> {
         let path = folder.join("ego_state").join(format!("{stem}.json"));
-        if !path.is_file() {
+        if !files::is_file(&path)? {
             return Ok(None);
         }
         let wanted = "the state of a frame, as `harmzone export kitti` writes it, is needed";

@@ -22,6 +22,7 @@ use self::object::ObjectDrive;
 use self::rig::Rig;
 use self::sequence::SequenceDrive;
 use super::{Drive, ImportConfig, ImportError, Log, Notes};
+use crate::files;
 
 /// The method of an imported episode that ends in the rows of `camera_from_rect`: where the rectified camera of labels and results is.
 pub const RECTIFIED_CAMERA: &str = "rectified_camera";
@@ -46,17 +47,22 @@ enum Place {
 /// None of the layouts, or a further camera that KITTI does not have.
 pub fn open_kitti(source: &Path, config: &ImportConfig) -> Result<KittiLog, ImportError> {
     let rig = Rig::new(config, source)?;
-    let is_set = |folder: &Path| folder.join("velodyne").is_dir() && folder.join("calib").is_dir();
+    let is_set = |folder: &Path| -> std::io::Result<bool> {
+        Ok(files::is_dir(&folder.join("velodyne"))? && files::is_dir(&folder.join("calib"))?)
+    };
     let mut sets: Vec<PathBuf> = ["training", "testing"].map(|set| source.join(set)).into();
-    if is_set(source) {
+    if is_set(source)? {
         sets = vec![source.to_owned()];
     }
     // An export without a test split has a link there, to the frames for training.
     sets.dedup_by_key(|folder| folder.canonicalize().unwrap_or_else(|_| folder.clone()));
     let (mut names, mut places) = (Vec::new(), Vec::new());
-    for folder in sets.into_iter().filter(|folder| is_set(folder)) {
+    for folder in sets {
+        if !is_set(&folder)? {
+            continue;
+        }
         let prefix = if folder.ends_with("testing") { "kitti-testing" } else { "kitti" };
-        let is_tracking = tracking::is_tracking(&folder);
+        let is_tracking = tracking::is_tracking(&folder)?;
         for stem in stems_of(&folder, is_tracking)? {
             if is_tracking {
                 names.push(format!("{prefix}-tracking-{stem}"));
@@ -89,8 +95,10 @@ fn stems_of(folder: &Path, is_tracking: bool) -> Result<Vec<String>, ImportError
         &[("velodyne", "bin"), ("calib", "txt"), ("label_2", "txt"), ("image_2", "png"), ("image_2", "jpg")]
     };
     let mut stems = Vec::new();
-    for (part, suffix) in parts.iter().filter(|(part, _)| folder.join(part).is_dir()) {
-        stems.extend(entries(&folder.join(part), suffix)?);
+    for (part, suffix) in parts {
+        if files::is_dir(&folder.join(part))? {
+            stems.extend(entries(&folder.join(part), suffix)?);
+        }
     }
     stems.sort();
     stems.dedup();

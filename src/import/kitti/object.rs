@@ -8,6 +8,7 @@ use super::label::read_object_labels;
 use super::rig::{FRONT, Mounting, Rig, picture_path};
 use super::scan::{Stamps, read_scan};
 use crate::episode::MapDrawing;
+use crate::files;
 use crate::import::{Drive, DriveFacts, GroundHeight, ImportError, Notes, Odometry, RawCamera, RawFrame};
 
 /// The stamps are made up, since the set has none: seconds from 26 September 2011, when KITTI's first drives were recorded.
@@ -33,8 +34,11 @@ impl ObjectDrive {
         let state = ExportedState::read(folder, stem)?;
         let labels = folder.join("label_2");
         // An export of ours has a file for each frame that somebody annotated.
-        let is_labelled =
-            if state.is_some() { labels.join(format!("{stem}.txt")).is_file() } else { labels.is_dir() };
+        let is_labelled = if state.is_some() {
+            files::is_file(&labels.join(format!("{stem}.txt")))?
+        } else {
+            files::is_dir(&labels)?
+        };
         let digits = stem.bytes().filter(u8::is_ascii_digit).map(|digit| u64::from(digit - b'0'));
         let number = digits.fold(0_u64, |n, digit| n.saturating_mul(10).saturating_add(digit));
         let made_up_ns = FIRST_NS.saturating_add(number.saturating_mul(1_000_000_000));

@@ -7,6 +7,7 @@ use super::oxts::Packet;
 use super::rig::{FRONT, Rig};
 use super::sequence::Parts;
 use super::tracklets::read_tracklets;
+use crate::files;
 use crate::import::ImportError;
 use crate::import::error::{listed, read_text};
 
@@ -41,7 +42,7 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
         }
     }
     let tracklets = drive.join("tracklet_labels.xml");
-    let annotated = if tracklets.is_file() {
+    let annotated = if files::is_file(&tracklets)? {
         let mut by_line = read_tracklets(&tracklets, &rig.ego_from_velo(&calibration), n_lines)?;
         let of_frame =
             |(frame_idx, (i, ..)): (usize, &(usize, u64, u64))| Some((frame_idx, by_line.remove(i)?));
@@ -78,16 +79,25 @@ fn pictures(parts: &Parts, number: usize) -> PathBuf {
 /// # Errors
 /// A folder cannot be read.
 pub(super) fn find_drives(source: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let is_drive = |path: &Path| path.join("velodyne_points").is_dir() && path.join("oxts").is_dir();
-    if is_drive(source) {
+    let is_drive = |path: &Path| -> std::io::Result<bool> {
+        Ok(files::is_dir(&path.join("velodyne_points"))? && files::is_dir(&path.join("oxts"))?)
+    };
+    if is_drive(source)? {
         return Ok(vec![source.to_owned()]);
     }
     let here = listed(source)?;
-    let mut drives = here.clone();
-    for folder in here.iter().filter(|path| path.is_dir()) {
-        drives.extend(listed(folder)?);
+    let mut places = here.clone();
+    for folder in here {
+        if files::is_dir(&folder)? {
+            places.extend(listed(&folder)?);
+        }
     }
-    drives.retain(|path| is_drive(path));
+    let mut drives = Vec::new();
+    for place in places {
+        if is_drive(&place)? {
+            drives.push(place);
+        }
+    }
     drives.sort();
     Ok(drives)
 }

@@ -6,6 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 
 use super::RECTIFIED_CAMERA;
 use super::calib::Calibration;
+use crate::files;
 use crate::geometry::{Camera, Ego, Lidar, Transform};
 use crate::import::error::read;
 use crate::import::{Distortion, GroundHeight, ImportConfig, ImportError, RawCamera, RawImage};
@@ -132,9 +133,10 @@ fn name_of(number: usize) -> &'static str {
     ["cam_gray_left", "cam_gray_right", "cam_front", "cam_front_right"][number]
 }
 
-/// The picture of a frame in a folder: PNG, else JPEG.
+/// The picture of a frame in a folder: PNG, else JPEG; what cannot be looked at is no JPEG, and reading the PNG tells why.
 pub(super) fn picture_path(folder: &Path, stem: &str) -> std::path::PathBuf {
     let png = folder.join(format!("{stem}.png"));
     let jpeg = folder.join(format!("{stem}.jpg"));
-    if !png.is_file() && jpeg.is_file() { jpeg } else { png }
+    let is_jpeg = files::is_file(&png).is_ok_and(|is_png| !is_png) && files::is_file(&jpeg).unwrap_or(false);
+    if is_jpeg { jpeg } else { png }
 }

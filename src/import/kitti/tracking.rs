@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use super::calib::Calibration;
 use super::label::read_tracking_labels;
 use super::oxts::Packet;
-use super::rig::{FRONT, Rig, picture_path};
+use super::rig::{FRONT, Rig};
 use super::sequence::{Annotated, Parts};
+use crate::files;
 use crate::import::ImportError;
 use crate::import::error::read_text;
 
@@ -25,14 +26,14 @@ pub(super) fn read_sequence(folder: &Path, sequence: &str, rig: &Rig) -> Result<
     let packet = |(i, line): (usize, &str)| Ok((time_ns(i), Packet::parse(line, &oxts)?));
     let packets = packets.map(packet).collect::<Result<Vec<_>, ImportError>>()?;
     let labels = folder.join("label_02").join(format!("{sequence}.txt"));
-    let has_labels = folder.join("label_02").is_dir();
+    let has_labels = files::is_dir(&folder.join("label_02"))?;
     let annotated =
         if has_labels { Some(annotate(&labels, rig, &calibration, packets.len())?) } else { None };
     let frames: Vec<(String, u64)> = (0..packets.len()).map(|i| (format!("{i:06}"), time_ns(i))).collect();
     let clouds = folder.join("velodyne").join(sequence);
     // Four clouds of sequence 0001 are missing in the set itself.
-    let is_there = |stem: &str| clouds.join(format!("{stem}.bin")).is_file();
-    if frames.iter().all(|(stem, _)| !is_there(stem)) {
+    let of_frames = frames.iter().map(|(stem, _)| clouds.join(format!("{stem}.bin")));
+    if files::first_there(of_frames)?.is_none() {
         return Err(ImportError::at(&clouds, "the sequence has no clouds"));
     }
     let methods = vec![("time", "made up: the set has no stamps, but 10 frames a second".to_owned())];
@@ -81,9 +82,17 @@ fn annotate(
 }
 
 /// Whether a folder holds sequences: folders of clouds.
-pub(super) fn is_tracking(folder: &Path) -> bool {
-    let has_sequences =
-        |inside: fs_err::ReadDir| inside.filter_map(Result::ok).any(|entry| entry.path().is_dir());
-    fs_err::read_dir(folder.join("velodyne")).is_ok_and(has_sequences)
-        && picture_path(&folder.join(format!("image_0{FRONT}")), "0000").parent().is_some_and(Path::is_dir)
+///
+/// # Errors
+/// It cannot be looked into.
+pub(super) fn is_tracking(folder: &Path) -> std::io::Result<bool> {
+    if !files::is_dir(&folder.join(format!("image_0{FRONT}")))? {
+        return Ok(false);
+    }
+    for entry in fs_err::read_dir(folder.join("velodyne"))? {
+        if files::is_dir(&entry?.path())? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }

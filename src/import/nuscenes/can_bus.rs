@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
+use crate::files;
 use crate::files::inside;
 use crate::geometry::{Ego, Transform, World};
 use crate::import::{ImportError, Odometry, Series, error};
@@ -58,7 +59,7 @@ fn file_of(root: &Path, scene: &str, message: &str) -> Result<PathBuf, ImportErr
 /// The messages of a scene; none where there is no file.
 fn messages<T: DeserializeOwned>(root: &Path, scene: &str, message: &str) -> Result<Vec<T>, ImportError> {
     let path = file_of(root, scene, message)?;
-    if !path.exists() {
+    if !files::is_there(&path)? {
         return Ok(Vec::new());
     }
     let bytes = error::read(&path)?;

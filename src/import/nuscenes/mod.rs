@@ -11,6 +11,7 @@ use std::sync::Arc;
 use fs_err as fs;
 
 use super::{Drive, ImportConfig, ImportError, Log, Notes};
+use crate::files;
 use scene::Scene;
 use tables::{LIDAR, Tables};
 
@@ -76,9 +77,10 @@ impl Log for NuScenesLog {
 
 /// The folder of tables that a path names.
 fn version_in(path: &Path) -> Result<PathBuf, ImportError> {
-    let has_tables =
-        |folder: &Path| folder.join("scene.json").is_file() || folder.join("sample_data.json").is_file();
-    if has_tables(path) {
+    let has_tables = |folder: &Path| -> std::io::Result<bool> {
+        Ok(files::is_file(&folder.join("scene.json"))? || files::is_file(&folder.join("sample_data.json"))?)
+    };
+    if has_tables(path)? {
         return Ok(std::path::absolute(path)?);
     }
     let entries = fs::read_dir(path).map_err(|error| {
@@ -90,7 +92,7 @@ fn version_in(path: &Path) -> Result<PathBuf, ImportError> {
     let mut versions: Vec<PathBuf> = Vec::new();
     for entry in entries {
         let folder = entry?.path();
-        if has_tables(&folder) {
+        if has_tables(&folder)? {
             versions.push(folder);
         }
     }

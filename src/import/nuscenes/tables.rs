@@ -10,6 +10,7 @@ use fs_err as fs;
 use serde::Deserializer;
 use serde::de::{DeserializeOwned, DeserializeSeed, Error as _, SeqAccess, Visitor};
 
+use crate::files;
 use crate::import::ImportError;
 use crate::nuscenes::{
     CalibratedSensorRow, CategoryRow, EgoPoseRow, InstanceRow, LogRow, SampleAnnotationRow, SampleDataRow,
@@ -78,12 +79,14 @@ impl Tables {
     /// # Errors
     /// A table is missing or not valid, a token is there twice, or one that is needed to sort the rows is missing.
     pub(super) fn read(version: &Path, channels: &[&str]) -> Result<Self, ImportError> {
-        if let Some(missing) = TABLES.iter().find(|table| !path_of(version, table).is_file()) {
-            let message = format!(
-                "no table `{missing}.json` here; a version's folder of nuScenes holds {}",
-                TABLES.join(", ")
-            );
-            return Err(ImportError::at(version, message));
+        for table in TABLES {
+            if !files::is_file(&path_of(version, table))? {
+                let message = format!(
+                    "no table `{table}.json` here; a version's folder of nuScenes holds {}",
+                    TABLES.join(", ")
+                );
+                return Err(ImportError::at(version, message));
+            }
         }
         let sensor: Table<SensorRow> = read_table(version, |_| true)?;
         let calibrated_sensor: Table<CalibratedSensorRow> = read_table(version, |_| true)?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use crate::files;
 use crate::files::inside;
 use crate::import::ImportError;
 
@@ -26,12 +27,12 @@ struct BagMetadata {
 /// # Errors
 /// There is none, one is missing or named outside of the bag's folder, or the bag is of another container.
 pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    if !is_folder(path) {
+    if !files::is_dir(path)? {
         check_magic(path)?;
         return Ok(vec![path.to_owned()]);
     }
     let metadata_path = path.join("metadata.yaml");
-    if !metadata_path.exists() {
+    if !files::is_there(&metadata_path)? {
         let files = files_ending_in(path, "mcap")?;
         if files.is_empty() {
             for other in files_ending_in(path, "db3")?.into_iter().chain(files_ending_in(path, "bag")?) {
@@ -66,8 +67,8 @@ pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let place = |name: &String| {
         let beside = path.join(Path::new(name).file_name().unwrap_or_default());
         match inside(path, name) {
-            Ok(whole) if whole.exists() => Ok(whole),
-            Err(error) if !beside.is_file() => {
+            Ok(whole) if files::is_there(&whole)? => Ok(whole),
+            Err(error) if !files::is_file(&beside)? => {
                 Err(ImportError::at(&metadata_path, format!("relative_file_paths: {error}")))
             }
             _ => Ok(beside),
@@ -84,24 +85,20 @@ pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
 /// The folder cannot be read.
 pub(super) fn bags_under(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     let is_bag = |folder: &Path| -> Result<bool, ImportError> {
-        Ok(folder.join("metadata.yaml").exists() || !files_ending_in(folder, "mcap")?.is_empty())
+        Ok(files::is_there(&folder.join("metadata.yaml"))? || !files_ending_in(folder, "mcap")?.is_empty())
     };
-    if !is_folder(path) || is_bag(path)? {
+    if !files::is_dir(path)? || is_bag(path)? {
         return Ok(vec![path.to_owned()]);
     }
     let mut bags = Vec::new();
     for entry in fs::read_dir(path)? {
         let folder = entry?.path();
-        if is_folder(&folder) && is_bag(&folder)? {
+        if files::is_dir(&folder)? && is_bag(&folder)? {
             bags.push(folder);
         }
     }
     bags.sort();
     Ok(if bags.is_empty() { vec![path.to_owned()] } else { bags })
-}
-
-fn is_folder(path: &Path) -> bool {
-    fs::metadata(path).is_ok_and(|metadata| metadata.is_dir())
 }
 
 fn files_ending_in(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, ImportError> {

@@ -2,15 +2,18 @@
 
 use std::path::Path;
 
-use fs_err as fs;
 use image::RgbImage;
 use serde::Serialize;
 
 use super::ClipError;
-use crate::files::NewFolder;
+use crate::files::{FolderContent, NewFolder};
 
 /// The file by which such a folder is known.
 const FRAMES: &str = "frames.json";
+
+/// All files of such a folder.
+const CONTENT: FolderContent =
+    FolderContent { marker: FRAMES, files: &["####.png", "#####.png", "######.png"] };
 
 /// One picture of the folder.
 #[derive(Serialize)]
@@ -26,17 +29,16 @@ pub(super) struct PictureFolder {
 
 impl PictureFolder {
     pub(super) fn create(path: &Path, force: bool) -> Result<Self, ClipError> {
-        Ok(Self { folder: NewFolder::create(path, FRAMES, force)?, frames: Vec::new() })
+        Ok(Self { folder: NewFolder::create(path, CONTENT, force)?, frames: Vec::new() })
     }
 
     pub(super) fn add(&mut self, picture: &RgbImage, duration_ms: u32) -> Result<(), ClipError> {
         let file = format!("{:04}.png", self.frames.len());
-        let path = self.folder.path().join(&file);
         let mut png = Vec::new();
         picture
             .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
-            .map_err(|error| super::encode_error(&path)(error.to_string()))?;
-        fs::write(path, png)?;
+            .map_err(|error| super::encode_error(&self.folder.final_path(&file))(error.to_string()))?;
+        self.folder.write(&file, &png)?;
         self.frames.push(FrameEntry { file, duration_ms });
         Ok(())
     }
@@ -44,7 +46,7 @@ impl PictureFolder {
     pub(super) fn finish(self) -> Result<(), ClipError> {
         let mut text = serde_json::to_string_pretty(&self.frames).expect("names and numbers are plain JSON");
         text.push('\n');
-        fs::write(self.folder.path().join(FRAMES), text)?;
+        self.folder.write(FRAMES, text.as_bytes())?;
         Ok(self.folder.finish()?)
     }
 }

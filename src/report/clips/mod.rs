@@ -11,7 +11,8 @@ use image::RgbImage;
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
+use crate::interrupt;
 use crate::progress::Progress;
 
 /// Why a clip cannot be written.
@@ -65,7 +66,7 @@ const AT_ONCE: usize = 16;
 /// Draws the pictures, in parallel, and writes the clip; `durations_ms` holds one for each. MP4 needs even sides.
 ///
 /// # Errors
-/// There is a file already and no `force`; pictures of several sizes or too large; the disk or a picture fails.
+/// There is a file already and no `force`; pictures of several sizes or too large; a signal asks to end; the disk or a picture fails.
 pub fn write_clip<E: From<ClipError> + Send>(
     path: &Path,
     durations_ms: &[u32],
@@ -78,7 +79,7 @@ pub fn write_clip<E: From<ClipError> + Send>(
         return Err(ClipError::Empty { path: path.to_owned() }.into());
     }
     if format != ClipFormat::Pictures {
-        if path.exists() && !force {
+        if !force && files::is_there(path).map_err(ClipError::from)? {
             return Err(ClipError::Exists { path: path.to_owned() }.into());
         }
         if let Some(parent) = path.parent() {
@@ -121,11 +122,16 @@ pub fn mp4_bytes<E: From<ClipError> + Send>(
     Ok(file.finish(about)?)
 }
 
-fn draw_all<E: Send>(
+/// Draws some pictures; an error once a signal has asked to end.
+fn draw_all<E: From<ClipError> + Send>(
     places: &[usize],
     draw: &(dyn Fn(usize) -> Result<RgbImage, E> + Sync),
 ) -> Result<Vec<RgbImage>, E> {
-    places.par_iter().map(|&place| draw(place)).collect()
+    let draw = |&place: &usize| {
+        interrupt::check().map_err(ClipError::from)?;
+        draw(place)
+    };
+    places.par_iter().map(draw).collect()
 }
 
 /// Draws some pictures at once, and hands all of them on in their order.

@@ -124,6 +124,22 @@ fn what_is_there_stays_without_force_and_another_end_is_refused() {
 }
 
 #[test]
+fn a_folder_of_pictures_with_a_file_of_the_users_is_not_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(&folder, "frames");
+    let again =
+        || write_clip::<ClipError>(&path, &DURATIONS_MS[..2], true, &|place| Ok(picture(place)), &Silent);
+    let mine = path.join("me.png");
+    fs::write(&mine, b"mine").unwrap();
+    let told = again().unwrap_err().to_string();
+    assert!(told.contains("`me.png`"), "{told}");
+    assert_eq!(fs::read(&mine).unwrap(), b"mine");
+    fs::remove_file(&mine).unwrap();
+    again().unwrap();
+    assert_eq!(fs::read_dir(&path).unwrap().count(), 3);
+}
+
+#[test]
 fn an_mp4_of_odd_sides_or_of_several_sizes_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("clip.mp4");

@@ -10,7 +10,7 @@ use thiserror::Error;
 use super::chart::{self, ChartError};
 use crate::compare::{CompareError, DomainGap, compare};
 use crate::episode::Split;
-use crate::files::{FolderLock, write_atomic};
+use crate::files::{self, FolderLock, seal_result, write_atomic};
 use crate::progress::Progress;
 
 /// Names of the files, the one that says that all are there last.
@@ -48,7 +48,7 @@ pub struct CompareRequest {
 pub fn run(request: &CompareRequest, progress: &dyn Progress) -> Result<DomainGap, CompareReportError> {
     let _lock = request.out.as_deref().map(FolderLock::take).transpose()?;
     if let Some(out) = &request.out {
-        let taken = FILES.map(|name| out.join(name)).into_iter().find(|path| path.exists());
+        let taken = files::first_there(FILES.map(|name| out.join(name)))?;
         if let Some(path) = taken.filter(|_| !request.force) {
             return Err(CompareReportError::Exists { path });
         }
@@ -61,8 +61,7 @@ pub fn run(request: &CompareRequest, progress: &dyn Progress) -> Result<DomainGa
 }
 
 fn write(out: &Path, gap: &DomainGap) -> Result<(), CompareReportError> {
-    let mut json = serde_json::to_string_pretty(gap).expect("figures always have a JSON form");
-    json.push('\n');
+    let json = seal_result(&serde_json::to_string_pretty(gap).expect("figures always have a JSON form"));
     let contents = [chart::png(&charts::sheet(gap))?, gap.to_string().into_bytes(), json.into_bytes()];
     for (name, bytes) in FILES.iter().zip(contents) {
         write_atomic(&out.join(name), &bytes)?;

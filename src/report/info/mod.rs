@@ -23,7 +23,7 @@ use crate::dataset::DatasetError;
 use crate::dataset::statistics::{Category, Group, Histograms, Statistics};
 use crate::episode::manifest::{LabelCounts, Manifest, ManifestError, ObjectCounts, label_sets};
 use crate::episode::{EpisodeError, MadeWith, PartOf, Split};
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::label::count_of;
 use crate::object::{Distribution, Kind};
 use crate::progress::Progress;
@@ -150,7 +150,9 @@ pub struct CategoryInfo {
 /// [`InfoError`]: no data set, no label set of the given name, labels of other episodes, a picture
 /// that exists.
 pub fn run(request: &InfoRequest, progress: &dyn Progress) -> Result<Info, InfoError> {
-    if let Some(path) = request.plot.as_ref().filter(|path| path.exists() && !request.force) {
+    if let Some(path) = request.plot.as_ref().filter(|_| !request.force)
+        && files::is_there(path)?
+    {
         return Err(InfoError::Exists { path: path.clone() });
     }
     let dataset = &request.dataset;

@@ -25,7 +25,7 @@ use thiserror::Error;
 
 use crate::episode::{Manifest, ManifestError};
 use crate::eval::Mode;
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::outcome::{DriveSummary, ReadDrivesError};
 use crate::report::chart::ChartError;
 use crate::report::document::{Block, Section, render};
@@ -182,7 +182,7 @@ impl Side {
 pub fn run(request: &ReportRequest) -> Result<ReportSummary, ReportError> {
     let is_page = request.out.extension().is_some_and(|extension| extension == "html");
     let out = if is_page { request.out.clone() } else { request.out.join(PAGE_FILE) };
-    if out.exists() && !request.force {
+    if !request.force && files::is_there(&out)? {
         return Err(ReportError::Exists { path: out });
     }
     let wanted = [("id", &request.id), ("ood", &request.ood)];

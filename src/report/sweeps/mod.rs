@@ -28,7 +28,7 @@ use crate::dataset::Dataset;
 use crate::eval::Protocol;
 use crate::eval::judge::Judge;
 use crate::eval::sweep::{Change, Series, SweepConfig, SweepError, Sweeps, Swept};
-use crate::files::{seal_result, write_atomic};
+use crate::files::{self, seal_result, write_atomic};
 use crate::text_table::text_table;
 use crate::zone::ZoneError;
 
@@ -82,7 +82,7 @@ pub struct SweepSummary {
 /// [`SweepReportError::Exists`].
 pub fn refuse_to_overwrite(out: &Path, force: bool) -> Result<(), SweepReportError> {
     let path = out.join(JSON_FILE);
-    if path.exists() && !force { Err(SweepReportError::Exists { path }) } else { Ok(()) }
+    if !force && files::is_there(&path)? { Err(SweepReportError::Exists { path }) } else { Ok(()) }
 }
 
 /// Scores what was swept, and writes all figures and pictures.
@@ -94,9 +94,7 @@ pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError>
     let sweeps = swept.measure(&config.judges, protocol)?;
     fs::create_dir_all(out)?;
     let json = out.join(JSON_FILE);
-    if json.exists() {
-        fs::remove_file(&json)?;
-    }
+    files::remove_if_there(&json)?;
     let config_text =
         format!("# harmzone {}, harmzone sweep\n{}", env!("CARGO_PKG_VERSION"), to_toml(config));
     write_atomic(&out.join(CONFIG_FILE), config_text.as_bytes())?;

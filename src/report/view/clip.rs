@@ -9,6 +9,7 @@ use super::episode_view::EpisodeView;
 use super::film::Film;
 use super::load::ViewError;
 use super::moment::{Moment, seconds_after, span};
+use crate::files;
 use crate::progress::Progress;
 use crate::report::clips::{ClipFormat, write_clip};
 
@@ -80,7 +81,7 @@ pub fn write_episode_clip(
 /// # Errors
 /// The file is there already and no `force`, or any IO error.
 pub(super) fn make_room(path: &Path, force: bool) -> Result<(), ViewError> {
-    if path.exists() && !force {
+    if !force && files::is_there(path)? {
         return Err(ViewError::Exists { path: path.to_owned() });
     }
     if let Some(parent) = path.parent() {

@@ -11,7 +11,7 @@ use super::rerun_process::RerunError;
 use super::{Scene, draw};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
 use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
-use crate::files::write_atomic;
+use crate::files::{self, write_atomic};
 use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
 use crate::report::clips::ClipError;
@@ -108,7 +108,7 @@ pub struct ViewSummary {
 /// [`ViewError`].
 pub fn run(request: &ViewRequest) -> Result<ViewSummary, ViewError> {
     let dataset = &request.dataset;
-    if request.out.exists() && !request.force {
+    if !request.force && files::is_there(&request.out)? {
         return Err(ViewError::Exists { path: request.out.clone() });
     }
     let manifest = Manifest::read(dataset)?;
@@ -172,8 +172,10 @@ fn default_set(dataset: &Path, entry: &EpisodeEntry) -> Option<&'static str> {
         // Who reads it will tell.
         Err(_) => true,
     };
-    let is_there = folder.join(LabelManifest::FILE).is_file();
-    (is_there && (store::is_there(&label_file(&folder, entry)) || is_named())).then_some(DEFAULT_SET)
+    // Of what cannot be looked at, who reads it will tell.
+    let is_there = files::is_file(&folder.join(LabelManifest::FILE)).unwrap_or(true);
+    let has_labels = || store::is_there(&label_file(&folder, entry)).unwrap_or(true);
+    (is_there && (has_labels() || is_named())).then_some(DEFAULT_SET)
 }
 
 fn label_file(set: &Path, entry: &EpisodeEntry) -> PathBuf {
@@ -192,12 +194,12 @@ pub(super) fn label_reader(
 /// The labels of an episode by a set.
 fn labels_of(dataset: &Path, label_set: &str, entry: &EpisodeEntry) -> Result<LabelReader, ViewError> {
     let folder = LabelManifest::folder(dataset, label_set);
-    if !folder.join(LabelManifest::FILE).is_file() {
+    if !files::is_file(&folder.join(LabelManifest::FILE))? {
         let (set, path) = (label_set.to_owned(), dataset.to_owned());
         return Err(ViewError::NoLabels { set, found: label_sets(dataset)?, path });
     }
     let file = label_file(&folder, entry);
-    if !store::is_there(&file) {
+    if !store::is_there(&file)? {
         let (episode, set, path) = (entry.name.clone(), label_set.to_owned(), dataset.to_owned());
         return Err(ViewError::NotLabelled { episode, set, path });
     }
@@ -286,8 +288,12 @@ pub(super) fn predictions_file(
     let of_run = folder.join("predictions");
     let name = fs::canonicalize(dataset)?.file_name().unwrap_or_default().to_owned();
     let places = [folder.join(&file), of_run.join(name).join(&file), of_run.join(&file)];
-    let place = places.into_iter().find(|place| store::is_there(place));
-    place.ok_or_else(|| {
+    for place in places {
+        if store::is_there(&place)? {
+            return Ok(place);
+        }
+    }
+    Err({
         let (episode, path) = (entry.name.clone(), folder.to_owned());
         ViewError::NoPredictions { episode, wanted: file, path }
     })

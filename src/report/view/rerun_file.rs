@@ -16,8 +16,9 @@ use super::episode_view::{EpisodeView, ViewedSample};
 use super::load::ViewError;
 use super::palette;
 use super::rerun_process::RerunProcess;
-use crate::files::{PARTIAL_SUFFIX, keep_as};
+use crate::files::{FolderLock, PARTIAL_SUFFIX, keep_as, remove_if_there};
 use crate::geometry::{Box3, Ego, Frame, Point, Transform};
+use crate::interrupt;
 use crate::object::{Detection, Harm, Object};
 use crate::progress::Progress;
 use crate::sample::ImageFormat;
@@ -35,10 +36,12 @@ pub fn write_episode_rrd(
     progress: &dyn Progress,
 ) -> Result<(), ViewError> {
     make_room(out, force)?;
+    let _lock = FolderLock::take_beside(out)?;
     let mut partial = out.as_os_str().to_owned();
     partial.push(format!(".{PARTIAL_SUFFIX}"));
     // It is removed where anything fails.
     let partial = TempPath::try_from_path(partial)?;
+    remove_if_there(&partial)?;
     let mut process = RerunProcess::start(&partial)?;
     progress.start("record", view.n_samples() as u64);
     let told = tell(view, process.input(), progress);
@@ -76,6 +79,7 @@ fn tell(view: &EpisodeView, to: &mut impl Write, progress: &dyn Progress) -> Res
     });
     write_message(to, &header, &[&glb])?;
     for sample_idx in 0..view.n_samples() {
+        interrupt::check()?;
         tell_sample(&view.sample(sample_idx)?, to)?;
         progress.advance(1);
     }

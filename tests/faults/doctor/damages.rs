@@ -16,8 +16,9 @@ use nalgebra::{UnitQuaternion, Vector3};
 use rand::RngExt as _;
 
 use super::rewrite::{
-    change_labels, change_manifest, episode, label_file, largest, name_hash, read, replace, rewrite,
-    rewrite_each, rewrite_labels, rewrite_raw, rewrite_under_labels, spoil_manifest, truth,
+    change_labels, change_manifest, episode, exchange, label_file, largest, name_hash, read, replace,
+    rewrite, rewrite_each, rewrite_labels, rewrite_raw, rewrite_under_labels, shift_stamps, spoil_manifest,
+    truth,
 };
 
 /// A kind of damage: what is damaged, the check that names it, and the damage to a data set's copy; the number varies the place.
@@ -26,6 +27,7 @@ pub type Damage = (&'static str, &'static str, fn(&Path, u64));
 const OBJECTS: &str = "/truth/objects";
 const CLOUD: &str = "/lidar_top";
 const CAMERA_INFO: &str = "/cam_front/camera_info";
+const IMAGE: &str = "/cam_front/image_rect_compressed";
 
 fn rng(i: u64) -> Rng {
     stream(i, "doctor", 0)
@@ -300,6 +302,14 @@ pub const KINDS: &[Damage] = &[
     }),
     ("samples out of order", "times", |path, i| {
         rewrite_raw(path, i as usize, |of| of.sort_by_key(|message| std::cmp::Reverse(message.log_time)));
+    }),
+    ("stamps are shifted", "times", |path, i| {
+        let topics = [IMAGE, CLOUD, CAMERA_INFO, OBJECTS, "/ego/state", "/ego/pose", "/truth/ignored"];
+        rewrite_raw(path, i as usize, |of| shift_stamps(of, topics[i as usize % topics.len()]));
+    }),
+    ("messages are exchanged, stamps and all", "times", |path, i| {
+        let topics = ["/tf", IMAGE, "/ego/state", "/truth/ignored", "/truth/markers", CLOUD, OBJECTS];
+        rewrite_raw(path, i as usize, |of| exchange(of, topics[i as usize % topics.len()]));
     }),
     ("a message is lost", "schemas", |path, i| {
         let topics = ["/tf", "/ego/state", "/lidar_top", "/cam_front/camera_info", OBJECTS];

@@ -149,6 +149,35 @@ pub fn replace(messages: &mut [Message<'static>], topic: &str, from: &[u8], to: 
     panic!("{topic} does not hold these bytes");
 }
 
+/// The stamps with which messages of a topic begin (`google.protobuf.Timestamp`: its first field, the seconds, is a varint) are a
+/// hundred seconds later.
+pub fn shift_stamps(messages: &mut [Message<'static>], topic: &str) {
+    for message in messages.iter_mut().filter(|message| message.channel.topic == topic) {
+        let bytes = message.data.to_mut();
+        assert_eq!((bytes[0], bytes[2]), (0x0a, 0x08), "{topic} begins with its stamp");
+        let mut carried = 100;
+        // Seven bits a byte, the lowest first.
+        for byte in &mut bytes[3..] {
+            let sum = u16::from(*byte & 0x7f) + carried;
+            *byte = *byte & 0x80 | (sum & 0x7f) as u8;
+            carried = sum >> 7;
+            if carried == 0 {
+                break;
+            }
+        }
+    }
+}
+
+/// Exchanges the first message of a topic with the last, of which the times in the file stay.
+pub fn exchange(messages: &mut [Message<'static>], topic: &str) {
+    let is_of_topic = |message: &Message<'_>| message.channel.topic == topic;
+    let first = messages.iter().position(is_of_topic).expect("the topic is there");
+    let last = messages.iter().rposition(is_of_topic).expect("the topic is there");
+    assert_ne!(messages[first].data, messages[last].data, "{topic}");
+    let (before, after) = messages.split_at_mut(last);
+    std::mem::swap(&mut before[first].data, &mut after[0].data);
+}
+
 /// Writes an episode's labels changed, and the file's hash into the set's manifest.
 pub fn rewrite_labels(path: &Path, i: usize, change: impl FnOnce(&mut Vec<SampleLabels>)) {
     let (_, samples) = read(&episode(path, i));
