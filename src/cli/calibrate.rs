@@ -117,21 +117,18 @@ pub fn run(args: CalibrateArgs) -> anyhow::Result<ExitStatus> {
         })
     };
     let chosen = OperatingScores { warning: chosen(&alarms.points[0])?, braking: chosen(&alarms.points[1])? };
-    let kept = match path {
-        Some(path) => {
-            let seen = trained.seen()?.map(|seen| seen.with_watched(episodes));
-            let (_, bytes) = trained.bytes()?;
-            let bytes = checkpoint::with_operating_scores(bytes, &chosen, seen.as_ref(), path)?;
-            // Scores of one network are not put into another.
-            Trained::find(path)?.check_sha256(&trained.sha256()?)?;
-            files::write_atomic(path, &bytes).with_context(|| format!("cannot write {}", path.display()))?;
-            format!("kept in {}", path.display())
-        }
-        None => {
-            // Every digit: what is surer than nearly all lies close to one.
-            let (judge, run) = (args.judge.name(), args.run.display());
-            format!("for `drive {judge}:{run}@{},{}`", chosen.braking.score, chosen.warning.score)
-        }
+    let kept = if let Some(path) = path {
+        let seen = trained.seen()?.map(|seen| seen.with_watched(episodes));
+        let (_, bytes) = trained.bytes()?;
+        let bytes = checkpoint::with_operating_scores(bytes, &chosen, seen.as_ref(), path)?;
+        // Scores of one network are not put into another.
+        Trained::find(path)?.check_sha256(&trained.sha256()?)?;
+        files::write_atomic(path, &bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        format!("kept in {}", path.display())
+    } else {
+        // Every digit: what is surer than nearly all lies close to one.
+        let (judge, run) = (args.judge.name(), args.run.display());
+        format!("for `drive {judge}:{run}@{},{}`", chosen.braking.score, chosen.warning.score)
     };
     let words =
         format!("warns from {}\nbrakes from {}; {kept}", told(&chosen.warning), told(&chosen.braking));

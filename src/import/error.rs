@@ -85,7 +85,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, ImportError> {
 }
 
 /// What is missing or no text is a fault of the log; a disk that fails is none, and may hold the data still.
-fn told(path: &Path, error: std::io::Error) -> ImportError {
+pub(super) fn told(path: &Path, error: std::io::Error) -> ImportError {
     match error.kind() {
         ErrorKind::NotFound | ErrorKind::NotADirectory => ImportError::at(path, "the log's file is missing"),
         ErrorKind::InvalidData => ImportError::at(path, "the file is no UTF-8 text"),

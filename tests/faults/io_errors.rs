@@ -44,6 +44,8 @@ impl Outcome {
     pub fn print(&self, name: &str) {
         let Self { n_calls, n_failed, n_unharmed, faults } = self;
         println!("{name:<12} {n_calls:>8} {n_failed:>8} {n_unharmed:>10} {:>8}", faults.len());
+        // At once: a later stage may end the test.
+        faults.iter().for_each(|fault| println!("{name}: {fault}"));
     }
 }
 

@@ -40,7 +40,8 @@ fn others(data: &Path) -> Vec<Other> {
             done(&[["export", "nuscenes", text(&fixture().id), text(&log)].as_slice(), &words].concat());
         }),
         other("kitti", &["import", "kitti", &log, "--out", &out], |data| {
-            done(&["export", "kitti", text(&fixture().id), text(&data.join("log"))]);
+            let log = data.join("log");
+            done(&["export", "kitti", text(&fixture().id), text(&log), "--categories", "kinds"]);
         }),
         other("doctor --fix", &["doctor", &set, "--fix"], |data| {
             let set = data.join("in");

@@ -5,6 +5,7 @@ mod can_bus;
 mod scene;
 mod tables;
 
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -83,11 +84,11 @@ fn version_in(path: &Path) -> Result<PathBuf, ImportError> {
     if has_tables(path)? {
         return Ok(std::path::absolute(path)?);
     }
-    let entries = fs::read_dir(path).map_err(|error| {
-        ImportError::at(
-            path,
-            format!("the folder cannot be read ({}); give a folder of nuScenes", error.kind()),
-        )
+    let entries = fs::read_dir(path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound | ErrorKind::NotADirectory => {
+            ImportError::at(path, format!("there is no folder ({}); give a folder of nuScenes", error.kind()))
+        }
+        _ => ImportError::Io(error),
     })?;
     let mut versions: Vec<PathBuf> = Vec::new();
     for entry in entries {

@@ -12,6 +12,7 @@ use serde::de::{DeserializeOwned, DeserializeSeed, Error as _, SeqAccess, Visito
 
 use crate::files;
 use crate::import::ImportError;
+use crate::import::error::told;
 use crate::nuscenes::{
     CalibratedSensorRow, CategoryRow, EgoPoseRow, InstanceRow, LogRow, SampleAnnotationRow, SampleDataRow,
     SampleRow, SceneRow, SensorRow, TABLES, TableRow, Token, VisibilityRow,
@@ -188,11 +189,16 @@ fn table_of<R: TableRow>(version: &Path, rows: Vec<R>) -> Result<Table<R>, Impor
 /// Hands over each row of a table; the file may be larger than the memory.
 fn read_rows<R: TableRow + DeserializeOwned>(version: &Path, take: impl FnMut(R)) -> Result<(), ImportError> {
     let path = path_of(version, R::TABLE);
-    let file = fs::File::open(&path)
-        .map_err(|error| ImportError::at(&path, format!("the table cannot be read ({})", error.kind())))?;
+    let file = fs::File::open(&path).map_err(|error| told(&path, error))?;
     let mut json = serde_json::Deserializer::from_reader(BufReader::with_capacity(1 << 20, file));
     let read = Rows { take, row: std::marker::PhantomData }.deserialize(&mut json).and_then(|()| json.end());
-    read.map_err(|error| ImportError::at(&path, format!("the table `{}` is not valid: {error}", R::TABLE)))
+    read.map_err(|error| match error.io_error_kind() {
+        // A disk that fails is no fault of the log.
+        Some(_) => {
+            ImportError::Io(std::io::Error::other(format!("cannot read: {error}: {}", path.display())))
+        }
+        None => ImportError::at(&path, format!("the table `{}` is not valid: {error}", R::TABLE)),
+    })
 }
 
 struct Rows<R, F> {
