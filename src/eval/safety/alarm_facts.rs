@@ -5,7 +5,7 @@
 use std::ops::Range;
 
 use super::Tracks;
-use super::tracks::{self, Event};
+use super::tracks::{self, HarmRun};
 use crate::eval::bootstrap::number_episodes;
 use crate::eval::filter::KeptSample;
 use crate::eval::matching::{Matching, Outcome, Ranked, center_distance_m};
@@ -132,7 +132,7 @@ impl<'a> AlarmFacts<'a> {
             origin: origin_of(of.number),
             found_to: found_to[of.number],
         });
-        let event = |event: Event<'_>| {
+        let event = |event: HarmRun<'_>| {
             let first = event.sights[0];
             let n_samples = event.sights[event.sights.len() - 1].place - first.place + 1;
             let mut of_sample = vec![f64::NEG_INFINITY; n_samples];
@@ -268,7 +268,7 @@ impl Unhit {
 }
 
 /// `[deceleration][sample]`: whether the ego can stop before the object after the time of a reaction.
-fn can_stop(matching: &Matching<'_>, event: &Event<'_>, n_samples: usize) -> Vec<Vec<Option<bool>>> {
+fn can_stop(matching: &Matching<'_>, event: &HarmRun<'_>, n_samples: usize) -> Vec<Vec<Option<bool>>> {
     let config = &matching.config().safety;
     let at = |sample_idx: usize, object: &LabelledObject, deceleration_mps2: f64| -> Option<bool> {
         let facts = matching.samples[sample_idx].facts;

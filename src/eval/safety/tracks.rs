@@ -37,7 +37,7 @@ pub struct Track {
 
 /// A stretch of time in which an object is harmful.
 #[derive(Debug)]
-pub struct Event<'a> {
+pub struct HarmRun<'a> {
     /// At least one; where places are missing among them, it is harmful all the same, or nobody says that it is not.
     pub sights: &'a [Sight],
     /// Where the filters drop it, between the first sight and the last.
@@ -107,11 +107,11 @@ impl Tracks {
 
     /// Events: the longest runs of samples in which an object is harmful. A sample at which the filters drop it is no end,
     /// if it is harmful there; nor is one at which it is not annotated, for [`BRIDGED_S`].
-    pub fn events(&self) -> Vec<Event<'_>> {
+    pub fn events(&self) -> Vec<HarmRun<'_>> {
         self.objects.iter().flat_map(|track| self.events_of(track)).collect()
     }
 
-    fn events_of<'a>(&'a self, track: &'a Track) -> impl Iterator<Item = Event<'a>> {
+    fn events_of<'a>(&'a self, track: &'a Track) -> impl Iterator<Item = HarmRun<'a>> {
         let between =
             |a: usize, b: usize| track.unseen.iter().filter(move |of| (a + 1..b).contains(&of.place));
         let is_same_run = move |a: &Sight, b: &Sight| {
@@ -123,7 +123,7 @@ impl Tracks {
                 && (is_annotated || absent_s <= BRIDGED_S + 1e-6)
         };
         let runs = track.sights.chunk_by(is_same_run).filter(|run| run[0].harm == Harm::Harmful);
-        runs.map(move |sights| Event {
+        runs.map(move |sights| HarmRun {
             sights,
             unseen: between(sights[0].place, sights[sights.len() - 1].place).copied().collect(),
         })
@@ -194,7 +194,7 @@ pub mod tests {
     /// Samples of each event, from the first to the last.
     fn lengths(tracks: &Tracks) -> Vec<usize> {
         let length =
-            |event: &Event<'_>| event.sights[event.sights.len() - 1].place - event.sights[0].place + 1;
+            |event: &HarmRun<'_>| event.sights[event.sights.len() - 1].place - event.sights[0].place + 1;
         tracks.events().iter().map(length).collect()
     }
 
