@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use crate::files;
+
 /// A value that no consumer could use, found before writing or on reading.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[error("{}`{field}` is {found}; {wanted}", object.as_ref().map(|id| format!("object `{id}`: ")).unwrap_or_default())]
@@ -107,6 +109,18 @@ pub enum EpisodeError {
         path.display()
     )]
     OtherEpisode { found: String, wanted: String, path: PathBuf },
+}
+
+impl EpisodeError {
+    /// Whether it comes of the system and not of what the file holds.
+    #[must_use]
+    pub fn is_of_system(&self) -> bool {
+        match self {
+            // It stands for the error within, which is no source of it.
+            Self::Io(error) => files::is_of_system(error),
+            other => files::is_of_system(other),
+        }
+    }
 }
 
 impl EpisodeError {

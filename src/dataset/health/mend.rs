@@ -231,7 +231,7 @@ fn state_of(path: &Path, entry: &EpisodeEntry, maker: &Maker, plans: &Plans) -> 
     });
     let (reader, n_objects) = match read {
         Ok(read) => read,
-        Err(error) if files::is_of_system(&error) => return Err(io::Error::other(error)),
+        Err(error) if error.is_of_system() => return Err(io::Error::other(error)),
         Err(error) => return Ok(State::Torn(error.to_string())),
     };
     let meta = reader.meta();

@@ -12,7 +12,6 @@ use crate::episode::manifest::{EpisodeEntry, ManifestError, ObjectCounts};
 use crate::episode::{
     EpisodeError, EpisodeMeta, EpisodeReader, MAX_EPISODES, Manifest, Split, check_archive,
 };
-use crate::files;
 use crate::store;
 
 /// Episodes are looked for among so many times those that are there, at first.
@@ -116,7 +115,7 @@ pub(super) fn entry_of(
     });
     let (reader, n_objects) = match read {
         Ok(read) => read,
-        Err(error) if files::is_of_system(&error) => return Err(io::Error::other(error)),
+        Err(error) if error.is_of_system() => return Err(io::Error::other(error)),
         Err(_) => return Ok(None),
     };
     let meta = reader.meta();
