@@ -135,7 +135,9 @@ pub fn first_there(paths: impl IntoIterator<Item = PathBuf>) -> io::Result<Optio
 pub fn is_of_system(error: &(dyn std::error::Error + 'static)) -> bool {
     let of_system = |error: &(dyn std::error::Error + 'static)| {
         let error = error.downcast_ref::<io::Error>()?;
-        error.raw_os_error().map(|_| !is_absence(error))
+        // Of one that tells the path, too, `fs_err` keeps the number in its words alone.
+        let has_number = error.raw_os_error().is_some() || error.to_string().contains("(os error ");
+        has_number.then(|| !is_absence(error))
     };
     std::iter::successors(Some(error), |error| error.source()).find_map(of_system).unwrap_or(false)
 }
@@ -268,6 +270,16 @@ pub(crate) fn hex(digest: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn errors_of_the_system_are_told_from_those_of_what_a_file_holds() {
+        let home = tempfile::tempdir().unwrap();
+        let of_folder = fs::read(home.path()).unwrap_err();
+        assert!(of_folder.raw_os_error().is_none() && is_of_system(&of_folder), "{of_folder}");
+        assert!(is_of_system(&io::Error::from_raw_os_error(5)));
+        assert!(!is_of_system(&fs::read(home.path().join("absent")).unwrap_err()));
+        assert!(!is_of_system(&io::Error::new(io::ErrorKind::InvalidData, "a torn file")));
+    }
 
     #[test]
     fn a_write_into_a_missing_folder_fails_and_names_the_path() {
