@@ -8,8 +8,6 @@
 use std::env;
 use std::sync::OnceLock;
 
-pub(super) use unit::transpose;
-
 /// Rows of a tile, and columns of sums.
 pub(super) const TILE: usize = 16;
 /// Sums that [`Blocks`] holds: rows, and columns.
@@ -124,50 +122,6 @@ mod unit {
         }
         TileConfig(bytes)
     };
-
-    /// Turns 16 rows of 16 words, `stride` words apart, into columns; rows need no alignment.
-    ///
-    /// # Safety
-    /// The rows are readable, 256 words are writable at `to`, and the unit is available.
-    #[allow(clippy::cast_ptr_alignment, reason = "these loads and stores need no alignment")]
-    #[target_feature(enable = "avx512f")]
-    pub unsafe fn transpose(from: *const u32, stride: usize, to: *mut u32) {
-        use std::arch::x86_64::{
-            _mm512_loadu_si512, _mm512_shuffle_i32x4, _mm512_storeu_si512, _mm512_unpackhi_epi32,
-            _mm512_unpackhi_epi64, _mm512_unpacklo_epi32, _mm512_unpacklo_epi64,
-        };
-        // SAFETY: the caller's promise.
-        let row = |i: usize| unsafe { _mm512_loadu_si512(from.add(i * stride).cast()) };
-        // Of four rows: in quarter q of vector c, column 4 q + c.
-        let fours: [[_; 4]; 4] = std::array::from_fn(|four| {
-            let [a, b, c, d] = std::array::from_fn(|i| row(4 * four + i));
-            let (low, high) = (_mm512_unpacklo_epi32(a, b), _mm512_unpackhi_epi32(a, b));
-            let (low_2, high_2) = (_mm512_unpacklo_epi32(c, d), _mm512_unpackhi_epi32(c, d));
-            [
-                _mm512_unpacklo_epi64(low, low_2),
-                _mm512_unpackhi_epi64(low, low_2),
-                _mm512_unpacklo_epi64(high, high_2),
-                _mm512_unpackhi_epi64(high, high_2),
-            ]
-        });
-        let [first, second, third, fourth] = fours;
-        let columns = first.into_iter().zip(second).zip(third.into_iter().zip(fourth));
-        for (c, ((a, b), (c_, d))) in columns.enumerate() {
-            // Quarters 0 and 2, then 1 and 3.
-            let even = (_mm512_shuffle_i32x4::<0x88>(a, b), _mm512_shuffle_i32x4::<0x88>(c_, d));
-            let odd = (_mm512_shuffle_i32x4::<0xdd>(a, b), _mm512_shuffle_i32x4::<0xdd>(c_, d));
-            let columns = [
-                _mm512_shuffle_i32x4::<0x88>(even.0, even.1),
-                _mm512_shuffle_i32x4::<0x88>(odd.0, odd.1),
-                _mm512_shuffle_i32x4::<0xdd>(even.0, even.1),
-                _mm512_shuffle_i32x4::<0xdd>(odd.0, odd.1),
-            ];
-            for (quarter, column) in columns.into_iter().enumerate() {
-                // SAFETY: the caller's promise; column `4 quarter + c` of 16.
-                unsafe { _mm512_storeu_si512(to.add((4 * quarter + c) * 16).cast(), column) };
-            }
-        }
-    }
 
     #[allow(clippy::unused_self)] // that there is one says that the unit is set up
     impl Blocks {
@@ -300,10 +254,6 @@ mod unit {
 
     pub fn request() -> bool {
         false
-    }
-
-    pub unsafe fn transpose(_: *const u32, _: usize, _: *mut u32) {
-        unreachable!("{WHY}");
     }
 
     #[allow(clippy::unused_self)] // that there is one says that the unit is set up

@@ -24,6 +24,7 @@ mod scratch;
 mod simd;
 mod softmax;
 mod sparse_conv;
+mod transpose;
 
 pub use adamw::AdamwStep;
 pub use attend::attend;

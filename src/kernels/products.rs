@@ -45,7 +45,9 @@ impl Products {
 pub(super) fn has_pairs() -> bool {
     #[cfg(all(target_arch = "x86_64", not(miri)))]
     {
-        std::arch::is_x86_feature_detected!("avx512f") && std::arch::is_x86_feature_detected!("avx512bf16")
+        std::arch::is_x86_feature_detected!("avx512f")
+            && std::arch::is_x86_feature_detected!("avx512bw")
+            && std::arch::is_x86_feature_detected!("avx512bf16")
     }
     #[cfg(not(all(target_arch = "x86_64", not(miri))))]
     {
@@ -54,7 +56,7 @@ pub(super) fn has_pairs() -> bool {
 }
 
 /// Half a unit in the last place of a bf16 number, in the bits of an f32.
-const HALF: u32 = 0x8000;
+pub(super) const HALF: u32 = 0x8000;
 
 /// Two numbers rounded to bf16, the first in the lower 16 bits, as the bits of an f32.
 #[inline(always)]

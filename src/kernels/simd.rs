@@ -4,7 +4,7 @@
 //! written once, generic over `macerator::Simd`. The matrix unit ([`super::matrix_unit`]) comes on top of AVX-512.
 
 use macerator::{Arch, WithSimd};
-pub(super) use macerator::{Scalar, Simd};
+pub(super) use macerator::{Scalar, Simd, Vector};
 
 use super::matrix_unit;
 use super::products::{Products, has_pairs};

@@ -6,6 +6,7 @@ use burn::tensor::Tensor;
 use super::{bias_gradient, weight_gradient};
 use crate::kernels::conv3x3::{Mix, Weight};
 use crate::kernels::operation::{Operation, dims, is_own, run, tensor, values};
+use crate::kernels::products::Products;
 use crate::kernels::simd::InstructionSet;
 
 /// Mixes the channels of a map.
@@ -20,11 +21,14 @@ pub fn mix_channels(x: Tensor<3>, w: Tensor<2>, bias: Tensor<1>) -> Tensor<3> {
     if !is_own(&x) || !is_own(&w) {
         return w.unsqueeze::<3>().matmul(x) + bias.reshape([1, -1, 1]);
     }
-    run(MixChannels, [x.into(), w.into(), bias.into()]).next()
+    let products = if x.device().is_autodiff() { Products::current() } else { Products::F32 };
+    run(MixChannels { products }, [x.into(), w.into(), bias.into()]).next()
 }
 
 #[derive(Debug)]
-struct MixChannels;
+struct MixChannels {
+    products: Products,
+}
 
 fn mix_of(x: &FlexTensor, w: &FlexTensor) -> Mix {
     let ([batch, channels_in, pixels], [channels_out, _]) = (dims(x), dims::<2>(w));
@@ -38,12 +42,13 @@ impl Operation<3> for MixChannels {
     fn forward(&self, [x, w, bias]: [FlexTensor; 3]) -> (Vec<FlexTensor>, Self::Saved) {
         let mix = mix_of(&x, &w);
         let weight = Weight { values: values(&w), is_transposed: false };
-        let y = mix.forward(values(&x), weight, Some(values(&bias)), InstructionSet::best());
+        let y =
+            mix.forward(values(&x), weight, Some(values(&bias)), InstructionSet::for_products(self.products));
         (vec![tensor(y, [mix.batch, mix.channels_out, mix.pixels])], [x, w])
     }
 
     fn gradients(&self, [x, w]: Self::Saved, dy: &FlexTensor, wanted: [bool; 3]) -> [Option<FlexTensor>; 3] {
-        let (mix, set) = (mix_of(&x, &w), InstructionSet::best());
+        let (mix, set) = (mix_of(&x, &w), InstructionSet::for_products(self.products));
         let weight = Weight { values: values(&w), is_transposed: false };
         let dx = || tensor(mix.input_gradient(values(dy), weight, set), dims::<3>(&x));
         let dw = || tensor(weight_gradient(mix, values(&x), values(dy), set), dims::<2>(&w));

@@ -4,14 +4,14 @@
 //! y[b, o, p] = sum_i w[o, i] x[b, i, p] + bias[o]
 //! ```
 //!
-//! The products are those of [`mod@super::conv3x3`] with one tap; the gradient of w is one of the crate `gemm` where there is no
-//! matrix unit. Every sum runs in an order that the shape fixes.
+//! The products are those of [`mod@super::conv3x3`] with one tap, in f32 or in pairs of bf16; the gradient of w is one of the
+//! crate `gemm` where there is neither a matrix unit nor pairs. Every sum runs in an order that the shape fixes.
 
 mod burn_op;
 
 use rayon::prelude::*;
 
-use super::conv3x3::{Mix, uses_matrix_unit};
+use super::conv3x3::Mix;
 use super::product::{Matrix, multiply};
 use super::simd::InstructionSet;
 
@@ -23,8 +23,8 @@ const CHANNELS_PER_TASK: usize = 16;
 /// The gradient of w, `[channel_out, channel_in]`.
 pub(super) fn weight_gradient(mix: Mix, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
     let Mix { batch, channels_in, channels_out, pixels } = mix;
-    if uses_matrix_unit(set, (channels_out, channels_in)) {
-        return mix.weight_gradient(x, dy, set);
+    if let Some(gradient) = mix.weight_gradient(x, dy, set) {
+        return gradient;
     }
     let mut gradient = vec![0.0; channels_out * channels_in];
     gradient.par_chunks_mut(CHANNELS_PER_TASK * channels_in).enumerate().for_each(|(task, gradient)| {
@@ -65,6 +65,7 @@ fn sum(values: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::super::conv3x3::Weight;
+    use super::super::products::Products;
     use super::*;
 
     /// Pixels that fill rows of whole tiles, rows of another width, and one row; channels beyond and below whole tiles.
@@ -138,6 +139,44 @@ mod tests {
                 let exact: f64 = planes.flatten().map(|&value| f64::from(value)).sum();
                 assert!((f64::from(*sum) - exact).abs() < 1e-4);
             }
+        }
+    }
+
+    /// Numbers that bf16 holds, so that pairs lose nothing of them; channels around and between whole tiles.
+    #[test]
+    fn passes_in_pairs_equal_those_in_f32_on_numbers_of_eight_bits() {
+        let pairs = InstructionSet::for_products(Products::Bf16);
+        for (batch, channels_in, channels_out, pixels) in
+            [(2, 96, 112, 320), (1, 70, 33, 58), (2, 17, 64, 5120), (1, 33, 2, 31), (3, 8, 80, 1450)]
+        {
+            let mix = Mix { batch, channels_in, channels_out, pixels };
+            let mut random = crate::random::stream(6, "channel-mix-test", pixels as u64);
+            let mut draw = |n: usize| -> Vec<f32> {
+                let mut draw = || rand::RngExt::random_range(&mut random, -0.5..0.5f32);
+                (0..n).map(|_| f32::from_bits(draw().to_bits() & 0xffff_0000)).collect()
+            };
+            let (x, dy) = (draw(batch * channels_in * pixels), draw(batch * channels_out * pixels));
+            let (w, bias) = (draw(channels_out * channels_in), draw(channels_out));
+            let weight = Weight { values: &w, is_transposed: false };
+            let of = |set: InstructionSet| {
+                [
+                    mix.forward(&x, weight, Some(&bias), set),
+                    mix.input_gradient(&dy, weight, set),
+                    weight_gradient(mix, &x, &dy, set),
+                ]
+            };
+            for (found, expected) in of(pairs).iter().zip(of(InstructionSet::best().without_matrix_unit())) {
+                assert_eq!(found.len(), expected.len());
+                let largest = expected.iter().fold(0f32, |largest, y| largest.max(y.abs()));
+                for (a, b) in found.iter().zip(&expected) {
+                    assert!((a - b).abs() <= 2e-5 * largest, "{mix:?}: {a} is not {b}");
+                }
+            }
+            let threads = |n| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool");
+                pool.install(|| of(pairs))
+            };
+            assert_eq!(threads(1), threads(3), "{mix:?}");
         }
     }
 }

@@ -7,9 +7,10 @@ use rayon::prelude::*;
 
 use super::band::{Layout, Planes, pack};
 use super::{BAND_BYTES, Shape};
-use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split, transpose};
+use crate::kernels::matrix_unit::{BLOCK, Blocks, Left, Right, TILE, TILE_PAIRS, split};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
+use crate::kernels::transpose::transpose;
 
 /// Sums of one block at one tap.
 const BLOCK_SUMS: usize = BLOCK * BLOCK;

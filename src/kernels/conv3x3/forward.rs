@@ -4,6 +4,7 @@ use super::Shape;
 use super::band::Planes;
 use super::strip::{Convolution, Phase};
 use super::tiles::pack_weights;
+use super::winograd::{self, Tiled};
 use crate::kernels::simd::InstructionSet;
 
 /// The step after a convolution: `max(0, scale y + shift)`, a scale and a shift for each output channel.
@@ -25,6 +26,20 @@ pub(in crate::kernels) fn forward(
 ) -> Vec<f32> {
     shape.check();
     assert!(x.len() == shape.n_inputs() && w.len() == shape.n_weights());
+    if winograd::fits(shape, set) {
+        let tiled = Tiled {
+            x,
+            batch: shape.batch,
+            channels: (shape.channels_in, shape.channels_out),
+            height_px: shape.height_px,
+            width_px: shape.width_px,
+            shift: then.map(|then| then.shift),
+            has_relu: then.is_some(),
+        };
+        return tiled.run(set, |o, i, tap| {
+            w[(o * shape.channels_in + i) * 9 + tap] * then.map_or(1.0, |then| then.scale[o])
+        });
+    }
     let convolution = Convolution {
         source: Planes {
             values: x,

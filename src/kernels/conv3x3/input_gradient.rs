@@ -7,6 +7,7 @@ use super::Shape;
 use super::band::{Layout, Planes};
 use super::strip::{Convolution, Phase, Weights};
 use super::tiles::pack_weights;
+use super::winograd::{self, Tiled};
 use crate::kernels::simd::InstructionSet;
 
 /// # Shapes
@@ -20,6 +21,20 @@ pub(in crate::kernels) fn input_gradient(
 ) -> Vec<f32> {
     shape.check();
     assert!(dy.len() == shape.n_outputs() && w.len() == shape.n_weights());
+    // The convolution of the output's gradient.
+    let turned = Shape { channels_in: shape.channels_out, channels_out: shape.channels_in, ..shape };
+    if winograd::fits(turned, set) {
+        let tiled = Tiled {
+            x: dy,
+            batch: shape.batch,
+            channels: (turned.channels_in, turned.channels_out),
+            height_px: shape.height_px,
+            width_px: shape.width_px,
+            shift: None,
+            has_relu: false,
+        };
+        return tiled.run(set, |i, o, tap| w[(o * shape.channels_in + i) * 9 + 8 - tap]);
+    }
     let convolution = Convolution {
         source: Planes {
             values: dy,

@@ -15,6 +15,7 @@ mod blocks;
 mod burn_op;
 mod forward;
 mod input_gradient;
+mod mix_gradient;
 mod pair_gradient;
 mod pairs;
 mod pass;
@@ -22,12 +23,14 @@ mod pointwise;
 mod strip;
 mod tiles;
 mod weight_gradient;
+mod winograd;
 
 use super::simd::InstructionSet;
 #[cfg(not(kernels_alone))]
 pub use burn_op::{conv3x3, conv3x3_scale_shift_relu};
 use forward::{ScaleShiftRelu, forward};
 use input_gradient::input_gradient;
+use pairs::uses_pairs;
 pub(super) use pointwise::{Mix, Weight};
 use weight_gradient::weight_gradient;
 

@@ -1,61 +1,180 @@
-//! The register tile of the weight gradient in pairs of bf16: of two neighbouring output pixels, for each of the three
-//! columns of a kernel row.
+//! The weight gradient in pairs of bf16: of two neighbouring output pixels, with input channels in the lanes.
 
-use crate::kernels::products::pair;
+use crate::kernels::products::HALF;
+use crate::kernels::scratch::Buffer;
+use crate::kernels::transpose::transpose;
 
-/// Pairs the input for each kernel column: `[column][pair of pixels][LANES]` from `[pixel][LANES]`, zero for a pixel
-/// beyond the last.
-#[inline(always)]
-pub(super) fn pair_columns<const LANES: usize>(
-    pixels: &[f32],
-    n_pixels: usize,
-    stride: usize,
-    pairs: &mut [f32],
-) {
-    let n_pairs = n_pixels.div_ceil(2);
-    for (column, pairs) in pairs.chunks_exact_mut(n_pairs * LANES).enumerate() {
-        for (i, pairs) in pairs.chunks_exact_mut(LANES).enumerate() {
-            let first = &pixels[(2 * i * stride + column) * LANES..][..LANES];
-            if 2 * i + 1 < n_pixels {
-                let second = &pixels[((2 * i + 1) * stride + column) * LANES..][..LANES];
-                for (pair_of, (&a, &b)) in pairs.iter_mut().zip(first.iter().zip(second)) {
-                    *pair_of = pair(a, b);
+/// Rows of a tile, and lanes of a vector: those of AVX-512.
+pub(super) const ROWS: usize = 8;
+pub(super) const LANES: usize = 16;
+
+/// Pairs that a row of output pixels takes in memory: whole blocks of a transpose.
+pub(super) fn padded_pairs(n_pixels: usize) -> usize {
+    n_pixels.div_ceil(2).next_multiple_of(LANES)
+}
+
+/// Neighbouring rows of several channels of an image.
+pub(super) struct Rows<'a> {
+    /// The floats of the first channel and all behind it.
+    pub values: &'a [f32],
+    pub channels: usize,
+    pub height_px: usize,
+    pub width_px: usize,
+    /// The first row; those outside of the image are zero.
+    pub first: isize,
+    pub n_rows: usize,
+}
+
+impl Rows<'_> {
+    /// Row `row` of these; `None` outside of the image and beyond the last channel.
+    #[inline(always)]
+    pub fn of(&self, channel: usize, row: usize) -> Option<&[f32]> {
+        let y = usize::try_from(self.first + row as isize).ok().filter(|&y| y < self.height_px)?;
+        (channel < self.channels)
+            .then(|| &self.values[(channel * self.height_px + y) * self.width_px..][..self.width_px])
+    }
+
+    /// Lays the channels out in pairs of the inputs of neighbouring output pixels, for each of some kernel columns:
+    /// `[row][block of LANES channels][column][pair][LANES]`, pairs as in [`padded_pairs`], zero outside of the image and beyond
+    /// the last channel.
+    ///
+    /// # Safety
+    /// The CPU has AVX-512.
+    #[inline(always)]
+    pub unsafe fn pair<const COLUMNS: usize>(
+        &self,
+        [lead, stride, n_pixels]: [usize; 3],
+        buffer: &mut Buffer,
+        pairs: &mut [f32],
+    ) {
+        let (n_pairs, n_rows) = (padded_pairs(n_pixels), self.n_rows);
+        let row_len = COLUMNS * n_pairs;
+        let (n_blocks, block_len) = (self.channels.div_ceil(LANES), row_len * LANES);
+        assert_eq!(pairs.len(), n_rows * n_blocks * block_len);
+        // As far as a pair's second pixel reaches.
+        let line_len = 2 * n_pairs * stride + COLUMNS;
+        // A cache line more, so that the lanes of a pixel do not share one set of the cache.
+        let lane_len = n_rows * row_len + LANES;
+        let (line, lanes) = buffer.get(line_len + LANES * lane_len).split_at_mut(line_len);
+        line.fill(0.0);
+        for block in 0..n_blocks {
+            // All rows of a channel in turn, as they lie in memory.
+            for (lane, rows) in lanes.chunks_exact_mut(lane_len).enumerate() {
+                for (row, words) in rows[..n_rows * row_len].chunks_exact_mut(row_len).enumerate() {
+                    let Some(pixels) = self.of(block * LANES + lane, row) else {
+                        words.fill(0.0);
+                        continue;
+                    };
+                    line[lead..lead + pixels.len()].copy_from_slice(pixels);
+                    for (column, words) in words.chunks_exact_mut(n_pairs).enumerate() {
+                        assert!(line.len() >= column + 2 * stride * n_pairs);
+                        let (pixels, words) = (line[column..].as_ptr(), words.as_mut_ptr());
+                        // SAFETY: the assert; `padded_pairs` are whole vectors; the caller's promise.
+                        unsafe {
+                            match stride {
+                                1 => pair_neighbours::<1>(pixels, n_pairs, words),
+                                _ => pair_neighbours::<2>(pixels, n_pairs, words),
+                            }
+                        }
+                    }
                 }
-            } else {
-                for (pair_of, &a) in pairs.iter_mut().zip(first) {
-                    *pair_of = pair(a, 0.0);
+            }
+            for row in 0..n_rows {
+                let to = &mut pairs[(row * n_blocks + block) * block_len..][..block_len];
+                for (at, to) in to.chunks_exact_mut(LANES * LANES).enumerate() {
+                    let from = &lanes[row * row_len + at * LANES..];
+                    assert!(from.len() >= (LANES - 1) * lane_len + LANES);
+                    // SAFETY: 16 rows of 16 words, `lane_len` apart, are readable by the assert; 256 are writable; the caller's
+                    // promise.
+                    unsafe { transpose(from.as_ptr().cast(), lane_len, to.as_mut_ptr().cast()) };
                 }
             }
         }
     }
 }
 
-/// Operands of one register tile: strides in pairs.
+/// Pairs of pixels that lie a stride apart, as of [`pair`](crate::kernels::products::pair): by name, as the compiler finds no
+/// vectors for them.
+///
+/// # Safety
+/// The CPU has AVX-512. `n_pairs`, whole vectors, are writable at `pairs`, and twice as many pixels and strides are readable.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw")]
+unsafe fn pair_neighbours<const STRIDE: usize>(pixels: *const f32, n_pairs: usize, pairs: *mut f32) {
+    use std::arch::x86_64::{
+        __m512i, _mm512_add_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_loadu_ps,
+        _mm512_loadu_si512, _mm512_permutex2var_epi16, _mm512_permutex2var_ps, _mm512_set1_epi32,
+        _mm512_storeu_ps,
+    };
+    // Of two vectors, the upper half of each float; and every other float.
+    const UPPER: [u16; 32] = {
+        let mut places = [0; 32];
+        let mut at = 0;
+        while at < 32 {
+            places[at] = 2 * at as u16 + 1;
+            at += 1;
+        }
+        places
+    };
+    const EVEN: [u32; 16] = {
+        let mut places = [0; 16];
+        let mut at = 0;
+        while at < 16 {
+            places[at] = 2 * at as u32;
+            at += 1;
+        }
+        places
+    };
+    // SAFETY: both constants are a vector long; the caller's promise.
+    unsafe {
+        let (upper, even) =
+            (_mm512_loadu_si512(UPPER.as_ptr().cast()), _mm512_loadu_si512(EVEN.as_ptr().cast()));
+        let half = _mm512_set1_epi32(HALF as i32);
+        let rounded = |at: usize| -> __m512i {
+            let floats = if STRIDE == 1 {
+                _mm512_loadu_ps(pixels.add(at))
+            } else {
+                let from = pixels.add(2 * at);
+                _mm512_permutex2var_ps(_mm512_loadu_ps(from), even, _mm512_loadu_ps(from.add(LANES)))
+            };
+            _mm512_add_epi32(_mm512_castps_si512(floats), half)
+        };
+        for first in (0..n_pairs).step_by(LANES) {
+            let halves = _mm512_permutex2var_epi16(rounded(2 * first), upper, rounded(2 * first + LANES));
+            _mm512_storeu_ps(pairs.add(first), _mm512_castsi512_ps(halves));
+        }
+    }
+}
+
+/// # Safety
+/// Never called: other CPUs have no AVX-512.
+#[cfg(not(target_arch = "x86_64"))]
+unsafe fn pair_neighbours<const STRIDE: usize>(_: *const f32, _: usize, _: *mut f32) {
+    unreachable!("callers ask for AVX-512");
+}
+
+/// Operands of one register tile: strides in floats.
 #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "other CPUs have no pairs"))]
 pub(super) struct PairTile {
     pub n_rows: usize,
     pub n_pairs: usize,
     pub x: *const f32,
     pub x_row: usize,
-    /// From a kernel column's pairs to the next one's.
-    pub x_column: usize,
+    /// From a vector of the tile to the next one's.
+    pub x_vector: usize,
     pub dy: *const f32,
     pub dy_row: usize,
 }
 
-/// Rows of a tile, and lanes of a vector: those of AVX-512.
-pub(super) const ROWS: usize = 8;
-pub(super) const LANES: usize = 16;
-
 #[cfg(target_arch = "x86_64")]
 impl PairTile {
-    /// Adds the products of all pixels to `sums`, `[ROWS][3][LANES]`.
+    /// Adds the products of all pixels to `sums`, `[ROWS][VECTORS][LANES]`.
     ///
     /// # Safety
-    /// The CPU has AVX512-BF16. In each row a vector of x is readable for each pair and column, and ROWS floats of dy for each
-    /// pair; `sums` is readable and writable.
+    /// The CPU has AVX512-BF16. In each row a vector of x is readable for each pair and each of VECTORS, and ROWS floats of dy for
+    /// each pair, LANES apart; `sums` is readable and writable.
     #[target_feature(enable = "avx512f,avx512bf16")]
-    pub unsafe fn add(self, sums: *mut f32) {
+    pub unsafe fn add<const VECTORS: usize>(self, sums: *mut f32) {
         use std::arch::x86_64::{
             __m512, __m512bh, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
         };
@@ -63,30 +182,31 @@ impl PairTile {
 
         // SAFETY: every access is one of those listed above; the vectors' types have one size, and any bits are valid.
         unsafe {
-            let mut tile = [[_mm512_set1_ps(0.0); 3]; ROWS];
+            let mut tile = [[_mm512_set1_ps(0.0); VECTORS]; ROWS];
             for (row, tile) in tile.iter_mut().enumerate() {
                 for (k, sum) in tile.iter_mut().enumerate() {
-                    *sum = _mm512_loadu_ps(sums.add((row * 3 + k) * LANES));
+                    *sum = _mm512_loadu_ps(sums.add((row * VECTORS + k) * LANES));
                 }
             }
             for row in 0..self.n_rows {
                 let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
                 for _ in 0..self.n_pairs {
-                    let columns = [0, 1, 2]
-                        .map(|k| transmute::<__m512, __m512bh>(_mm512_loadu_ps(x.add(k * self.x_column))));
+                    let vectors: [_; VECTORS] = std::array::from_fn(|k| {
+                        transmute::<__m512, __m512bh>(_mm512_loadu_ps(x.add(k * self.x_vector)))
+                    });
                     for (row, tile) in tile.iter_mut().enumerate() {
                         let dy = transmute::<__m512, __m512bh>(_mm512_set1_ps(*dy.add(row)));
-                        for (sum, &x) in tile.iter_mut().zip(&columns) {
+                        for (sum, &x) in tile.iter_mut().zip(&vectors) {
                             *sum = _mm512_dpbf16_ps(*sum, dy, x);
                         }
                     }
                     x = x.wrapping_add(LANES);
-                    dy = dy.wrapping_add(ROWS);
+                    dy = dy.wrapping_add(LANES);
                 }
             }
             for (row, tile) in tile.iter().enumerate() {
                 for (k, sum) in tile.iter().enumerate() {
-                    _mm512_storeu_ps(sums.add((row * 3 + k) * LANES), *sum);
+                    _mm512_storeu_ps(sums.add((row * VECTORS + k) * LANES), *sum);
                 }
             }
         }
@@ -97,7 +217,7 @@ impl PairTile {
 impl PairTile {
     /// # Safety
     /// Never called: other CPUs have no pairs.
-    pub unsafe fn add(self, _: *mut f32) {
+    pub unsafe fn add<const VECTORS: usize>(self, _: *mut f32) {
         unreachable!("`has_pairs` is false");
     }
 }

@@ -3,7 +3,7 @@
 use super::band::Planes;
 use super::strip::{Convolution, Phase};
 use super::tiles::pack_weights;
-use super::{Shape, block_gradient};
+use super::{Shape, block_gradient, mix_gradient, uses_matrix_unit, uses_pairs};
 use crate::kernels::simd::InstructionSet;
 
 /// Widths that a row of pixels may have: wide enough for whole tiles, narrow enough for several rows in a band.
@@ -59,12 +59,17 @@ impl Mix {
         turned.forward(dy, Weight { is_transposed: !w.is_transposed, ..w }, None, set)
     }
 
-    /// The gradient of the matrix on the matrix unit, `[channel_out, channel_in]`.
-    pub fn weight_gradient(self, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
+    /// The gradient of the matrix, `[channel_out, channel_in]`, in pairs of bf16 or on the matrix unit; `None` where the set has
+    /// neither for so many channels.
+    pub fn weight_gradient(self, x: &[f32], dy: &[f32], set: InstructionSet) -> Option<Vec<f32>> {
         let [height_px, width_px] = map_of(self.pixels);
         let Self { batch, channels_in, channels_out, .. } = self;
         let shape = Shape { batch, channels_in, channels_out, height_px, width_px, stride: 1 };
-        block_gradient::weight_gradient(shape, 1, x, dy, set)
+        if uses_pairs(set, channels_in) {
+            return Some(mix_gradient::weight_gradient(shape, x, dy, set));
+        }
+        uses_matrix_unit(set, (channels_out, channels_in))
+            .then(|| block_gradient::weight_gradient(shape, 1, x, dy, set))
     }
 }
 

@@ -30,7 +30,8 @@ pub(super) fn pack_weights(
     if uses_matrix_unit(set, channels) {
         return Weights::Blocks(blocks::pack_weights(set, w, channels, strides, taps, scale));
     }
-    if scale.is_none() && uses_pairs(set, channels.1) {
+    if uses_pairs(set, channels.1) {
+        assert!(scale.is_none(), "inference, which scales weights, multiplies f32");
         return Weights::Rows(pairs::pack_weights(set.rows(), w, channels, strides, taps));
     }
     let (n_rows, n_taps) = (set.rows(), taps.len());
@@ -76,7 +77,7 @@ impl Convolution<'_> {
             let source = Planes { channels: blocks::half_planes(source.channels), ..*source };
             Layout::new(is_flat, &source, self.columns, band_rows)
         });
-        let pairs = (self.shift.is_none() && uses_pairs(set, source.channels)).then(|| {
+        let pairs = uses_pairs(set, source.channels).then(|| {
             let source = Planes { channels: source.channels.div_ceil(2), ..*source };
             Layout::new(is_flat, &source, self.columns, band_rows)
         });

@@ -6,9 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::pair_gradient::{self, PairTile, pair_columns};
-use super::pairs::uses_pairs;
-use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit};
+use super::pair_gradient::{self, PairTile, Rows, padded_pairs};
+use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit, uses_pairs};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
 
@@ -113,49 +112,28 @@ impl Part<'_> {
         n_rows: usize,
         blocks_in: usize,
     ) {
-        let Shape { channels_in, channels_out, height_px, width_px, stride, .. } = self.shape;
-        let (out_height_px, out_width_px) = (self.shape.out_height_px(), self.shape.out_width_px());
+        let Shape { channels_out, stride, width_px, .. } = self.shape;
+        let out_width_px = self.shape.out_width_px();
         let blocks_out = channels_out.div_ceil(ROWS);
-        let n_channels = (channels_in - self.first_channel).min(blocks_in * LANES);
+        if self.is_paired {
+            self.add_pairs(image, y, n_rows, [blocks_in, blocks_out]);
+            return;
+        }
 
         let padded_width = width_px + 3;
         let x_row = blocks_in * padded_width * LANES;
         let n_x_rows = (n_rows - 1) * stride + 3;
+        let (inputs, outputs) = self.rows(image, y, n_rows);
         let x = self.scratch.a.get(n_x_rows * x_row);
         for (row, packed) in x.chunks_exact_mut(x_row).enumerate() {
-            // Wraps around above the image, and so lands outside, as rows below the image do.
-            let source_y = (y * stride + row).wrapping_sub(1);
-            if source_y < height_px {
-                let first = ((image * channels_in + self.first_channel) * height_px + source_y) * width_px;
-                let planes = Rows {
-                    values: &self.x[first..],
-                    plane: height_px * width_px,
-                    channels: n_channels,
-                    width: width_px,
-                };
-                planes.interleave::<LANES>(packed, 1, padded_width);
-            } else {
-                packed.fill(0.0);
-            }
+            inputs.interleave::<LANES>(row, packed, 1, padded_width);
         }
-
         let dy_row = blocks_out * out_width_px * ROWS;
         let dy = self.scratch.b.get(n_rows * dy_row);
         for (row, packed) in dy.chunks_exact_mut(dy_row).enumerate() {
-            let first = (image * channels_out * out_height_px + y + row) * out_width_px;
-            let planes = Rows {
-                values: &self.dy[first..],
-                plane: out_height_px * out_width_px,
-                channels: channels_out,
-                width: out_width_px,
-            };
-            planes.interleave::<ROWS>(packed, 0, out_width_px);
+            outputs.interleave::<ROWS>(row, packed, 0, out_width_px);
         }
 
-        if self.is_paired {
-            self.add_pairs([blocks_in, blocks_out], n_rows, padded_width);
-            return;
-        }
         // The unsafe block relies on these bounds: the last pixel's third column, and the sums.
         assert!((out_width_px - 1) * stride + 3 <= padded_width);
         assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
@@ -185,46 +163,69 @@ impl Part<'_> {
     }
 }
 
-impl Part<'_> {
-    /// Adds the products of the rows that `add_rows` has laid out, in pairs of pixels.
+impl<'a> Part<'a> {
+    /// The rows that output rows `y..y + n_rows` of one image read, of the task's input channels; and these.
     #[inline(always)]
-    fn add_pairs(&mut self, [blocks_in, blocks_out]: [usize; 2], n_rows: usize, padded_width: usize) {
+    fn rows(&self, image: usize, y: usize, n_rows: usize) -> (Rows<'a>, Rows<'a>) {
+        let Shape { channels_in, channels_out, height_px, width_px, stride, .. } = self.shape;
+        let (out_height_px, out_width_px) = (self.shape.out_height_px(), self.shape.out_width_px());
+        let inputs = Rows {
+            values: &self.x[(image * channels_in + self.first_channel) * height_px * width_px..],
+            channels: channels_in - self.first_channel,
+            height_px,
+            width_px,
+            first: (y * stride) as isize - 1,
+            n_rows: (n_rows - 1) * stride + 3,
+        };
+        let outputs = Rows {
+            values: &self.dy[image * channels_out * out_height_px * out_width_px..],
+            channels: channels_out,
+            height_px: out_height_px,
+            width_px: out_width_px,
+            first: y as isize,
+            n_rows,
+        };
+        (inputs, outputs)
+    }
+
+    /// As `add_rows`, in pairs of pixels.
+    #[inline(always)]
+    fn add_pairs(&mut self, image: usize, y: usize, n_rows: usize, [blocks_in, blocks_out]: [usize; 2]) {
         use pair_gradient::{LANES, ROWS};
-        let (stride, n_pixels) = (self.shape.stride, self.shape.out_width_px());
-        let n_pairs = n_pixels.div_ceil(2);
+        let (shape, stride) = (self.shape, self.shape.stride);
+        let n_pixels = shape.out_width_px();
         let n_x_rows = (n_rows - 1) * stride + 3;
-        let (x_len, dy_len) = (3 * n_pairs * LANES, n_pairs * ROWS);
-        let (x_row, dy_row) = (blocks_in * x_len, blocks_out * dy_len);
-        assert!((n_pixels - 1) * stride + 3 <= padded_width);
+        let vector = padded_pairs(n_pixels) * LANES;
+        let (x_row, dy_row) = (blocks_in * 3 * vector, shape.channels_out.div_ceil(LANES) * vector);
+        let (inputs, outputs) = self.rows(image, y, n_rows);
+        // The last task may have fewer channels than blocks.
+        let inputs = Rows { channels: inputs.channels.min(blocks_in * LANES), ..inputs };
         let Scratch { a, b, c } = &mut *self.scratch;
-        let x = a.get(n_x_rows * blocks_in * padded_width * LANES);
-        let dy = b.get(n_rows * blocks_out * n_pixels * ROWS);
-        let (x_pairs, dy_pairs) = c.get(n_x_rows * x_row + n_rows * dy_row).split_at_mut(n_x_rows * x_row);
-        for (pixels, pairs) in x.chunks_exact(padded_width * LANES).zip(x_pairs.chunks_exact_mut(x_len)) {
-            pair_columns::<LANES>(pixels, n_pixels, stride, pairs);
-        }
-        for (pixels, pairs) in dy.chunks_exact(n_pixels * ROWS).zip(dy_pairs.chunks_exact_mut(dy_len)) {
-            pair_columns::<ROWS>(pixels, n_pixels, 1, pairs);
+        let (x, dy) = (b.get(n_x_rows * x_row), c.get(n_rows * dy_row));
+        // SAFETY: `is_paired` says that the CPU has pairs, in vectors of AVX-512.
+        unsafe {
+            inputs.pair::<3>([1, stride, n_pixels], a, x);
+            outputs.pair::<1>([0, 1, n_pixels], a, dy);
         }
         assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
         for block_in in 0..blocks_in {
             for kernel_row in 0..3 {
                 for block_out in 0..blocks_out {
-                    // SAFETY: `is_paired` says that the CPU has pairs. x: rows `kernel_row + r * stride < n_x_rows`, in
-                    // each the `x_len` floats of block `block_in`; dy: `dy_len` floats of block `block_out` in each of
-                    // `n_rows` rows; sums: tile `.. < blocks_in * 3 * blocks_out`, each of `ROWS * 3 * LANES` floats.
+                    // SAFETY: the CPU has pairs, as above. x: rows `kernel_row + r * stride < n_x_rows`, in each three vectors of
+                    // block `block_in`; dy: in each of `n_rows` rows the half of a vector's lanes that block `block_out` has;
+                    // sums: tile `.. < blocks_in * 3 * blocks_out`, each of `ROWS * 3 * LANES` floats.
                     unsafe {
                         let tile = PairTile {
                             n_rows,
-                            n_pairs,
-                            x: x_pairs.as_ptr().add(kernel_row * x_row + block_in * x_len),
+                            n_pairs: n_pixels.div_ceil(2),
+                            x: x.as_ptr().add(kernel_row * x_row + block_in * 3 * vector),
                             x_row: x_row * stride,
-                            x_column: n_pairs * LANES,
-                            dy: dy_pairs.as_ptr().add(block_out * dy_len),
+                            x_vector: vector,
+                            dy: dy.as_ptr().add(block_out / 2 * vector + block_out % 2 * ROWS),
                             dy_row,
                         };
                         let place = (block_in * 3 + kernel_row) * blocks_out + block_out;
-                        tile.add(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
+                        tile.add::<3>(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
                     }
                 }
             }
@@ -285,29 +286,23 @@ impl Tile {
     }
 }
 
-/// The same row of several channels.
-struct Rows<'a> {
-    /// The floats from the row of the first channel on.
-    values: &'a [f32],
-    /// Stride from a channel to the next.
-    plane: usize,
-    channels: usize,
-    width: usize,
-}
-
 impl Rows<'_> {
-    /// Turns channels innermost: `[block][padded_width][B]`, zero in the `lead` columns before the row, after
-    /// it, and beyond the last channel.
+    /// Turns channels of one row innermost: `[block][padded_width][B]`, zero in the `lead` columns before the row, after
+    /// it, outside of the image, and beyond the last channel.
     #[inline(always)]
-    fn interleave<const B: usize>(&self, packed: &mut [f32], lead: usize, padded_width: usize) {
+    fn interleave<const B: usize>(&self, row: usize, packed: &mut [f32], lead: usize, padded_width: usize) {
+        if self.of(0, row).is_none() {
+            packed.fill(0.0);
+            return;
+        }
         for (block, packed) in packed.chunks_exact_mut(padded_width * B).enumerate() {
             packed[..lead * B].fill(0.0);
-            packed[(lead + self.width) * B..].fill(0.0);
-            let packed = &mut packed[lead * B..(lead + self.width) * B];
-            let first = block * B;
-            if first + B <= self.channels {
-                let rows: [&[f32]; B] =
-                    std::array::from_fn(|i| &self.values[(first + i) * self.plane..][..self.width]);
+            packed[(lead + self.width_px) * B..].fill(0.0);
+            let packed = &mut packed[lead * B..(lead + self.width_px) * B];
+            let rows: [Option<&[f32]>; B] = std::array::from_fn(|i| self.of(block * B + i, row));
+            if block * B + B <= self.channels {
+                let rows =
+                    rows.map(|row| row.expect("the row is in the image, and so many channels are there"));
                 for (x, pixel) in packed.chunks_exact_mut(B).enumerate() {
                     for (value, row) in pixel.iter_mut().zip(rows) {
                         *value = row[x];
@@ -315,10 +310,8 @@ impl Rows<'_> {
                 }
             } else {
                 for (x, pixel) in packed.chunks_exact_mut(B).enumerate() {
-                    for (i, value) in pixel.iter_mut().enumerate() {
-                        let channel = first + i;
-                        *value =
-                            if channel < self.channels { self.values[channel * self.plane + x] } else { 0.0 };
+                    for (value, row) in pixel.iter_mut().zip(rows) {
+                        *value = row.map_or(0.0, |row| row[x]);
                     }
                 }
             }

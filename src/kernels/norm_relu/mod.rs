@@ -17,7 +17,7 @@ mod burn_op;
 
 use rayon::prelude::*;
 
-use super::simd::{InstructionSet, Kernel, Simd};
+use super::simd::{InstructionSet, Kernel, Scalar, Simd, Vector};
 
 #[cfg(not(kernels_alone))]
 pub use burn_op::{Normed, norm_relu, scale_shift_relu};
@@ -168,27 +168,51 @@ fn scale_shift(shape: Shape, x: &[f32], scale: &[f32], shift: &[f32], set: Instr
     y
 }
 
-/// Sums both results of `of(a, b)` in `LANES` partial sums, then these one after the other. A loop, not an iterator's `sum`:
-/// the compiler may leave that one outside the function that enables the instruction set.
+/// Vectors that are summed side by side: a sum waits for the one before it.
+const CHAINS: usize = 4;
+
+/// Sums both results of `of(a, b)` in [`CHAINS`] vectors of partial sums, then these one after the other. Vectors by name: from
+/// a loop over lanes the compiler makes scalar code.
 #[inline(always)]
-fn sums<const LANES: usize>(a: &[f32], b: &[f32], of: impl Fn(f32, f32) -> [f32; 2]) -> [f64; 2] {
-    let mut lanes = [[0f32; LANES]; 2];
-    let (a_whole, a_rest) = a.as_chunks::<LANES>();
-    let (b_whole, b_rest) = b.as_chunks::<LANES>();
-    for (a, b) in a_whole.iter().zip(b_whole) {
-        for lane in 0..LANES {
-            let [first, second] = of(a[lane], b[lane]);
-            lanes[0][lane] += first;
-            lanes[1][lane] += second;
+fn sums<S: Simd, const LANES: usize>(
+    a: &[f32],
+    b: &[f32],
+    of: impl Fn(Vector<S, f32>, Vector<S, f32>) -> [Vector<S, f32>; 2],
+) -> [f64; 2] {
+    let mut sums = [[0f32.splat::<S>(); 2]; CHAINS];
+    // SAFETY: `LANES` is the number of floats in a vector of `S`, and each slice holds as many.
+    let load = |values: &[f32; LANES]| unsafe { f32::vload_unaligned::<S>(values.as_ptr()) };
+    let ((a_whole, a_rest), (b_whole, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    let ((a_fours, a_few), (b_fours, b_few)) = (a_whole.as_chunks::<CHAINS>(), b_whole.as_chunks::<CHAINS>());
+    for (a, b) in a_fours.iter().zip(b_fours) {
+        for (sums, (a, b)) in sums.iter_mut().zip(a.iter().zip(b)) {
+            let [first, second] = of(load(a), load(b));
+            sums[0] += first;
+            sums[1] += second;
         }
     }
-    let mut rest = [0f32; 2];
-    for (&a, &b) in a_rest.iter().zip(b_rest) {
-        let [first, second] = of(a, b);
-        rest[0] += first;
-        rest[1] += second;
+    for (sums, (a, b)) in sums.iter_mut().zip(a_few.iter().zip(b_few)) {
+        let [first, second] = of(load(a), load(b));
+        sums[0] += first;
+        sums[1] += second;
     }
-    [0, 1].map(|i| f64::from(lanes[i].iter().sum::<f32>() + rest[i]))
+    let pad = |rest: &[f32]| {
+        let mut padded = [0.0; LANES];
+        padded[..rest.len()].copy_from_slice(rest);
+        padded
+    };
+    let rest = of(load(&pad(a_rest)), load(&pad(b_rest)));
+    [0, 1].map(|i| {
+        let lanes = |vector: Vector<S, f32>| {
+            let mut lanes = [0f32; LANES];
+            // SAFETY: as above.
+            unsafe { f32::vstore_unaligned(lanes.as_mut_ptr(), vector) };
+            lanes
+        };
+        let sum = sums.iter().skip(1).fold(sums[0][i], |sum, more| sum + more[i]);
+        let rest = lanes(rest[i]).iter().take(a_rest.len()).sum::<f32>();
+        f64::from(lanes(sum).iter().sum::<f32>() + rest)
+    })
 }
 
 struct ForwardChannel<'a> {
@@ -206,11 +230,13 @@ impl Kernel for ForwardChannel<'_> {
         // Planes add up in f64: a plane's own sum is short.
         let (mut sum, mut squares) = (0.0, 0.0);
         for x in &self.x {
-            sum += sums::<LANES>(x, x, |a, _| [a, 0.0])[0];
+            sum += sums::<S, LANES>(x, x, |a, _| [a, a])[0];
         }
         let mean = (sum / n_values) as f32;
+        let mean_of_all = mean.splat::<S>();
         for x in &self.x {
-            squares += sums::<LANES>(x, x, |a, _| [(a - mean) * (a - mean), 0.0])[0];
+            let square = |a| (a - mean_of_all) * (a - mean_of_all);
+            squares += sums::<S, LANES>(x, x, |a, _| [square(a); 2])[0];
         }
         let statistics = Statistics { mean, variance: (squares / n_values) as f32 };
         *self.statistics = statistics;
@@ -246,8 +272,13 @@ impl Kernel for BackwardChannel<'_> {
         // The same expression as in the forward pass, so that both see the same sign.
         let passed = |x: f32, dy: f32| if normed(x) * gamma + beta > 0.0 { dy } else { 0.0 };
         let (mut g, mut gh) = (0.0, 0.0);
+        let [means, inverses, gammas, betas] = [mean, inverse, gamma, beta].map(|of| of.splat::<S>());
         for (x, dy) in self.x.iter().zip(&self.dy) {
-            let of_plane = sums::<LANES>(x, dy, |x, dy| [passed(x, dy), passed(x, dy) * normed(x)]);
+            let of_plane = sums::<S, LANES>(x, dy, |x, dy| {
+                let normed = (x - means) * inverses;
+                let passed = (normed * gammas + betas).gt(0f32.splat()).select(dy, 0f32.splat());
+                [passed, passed * normed]
+            });
             g += of_plane[0];
             gh += of_plane[1];
         }

@@ -14,3 +14,5 @@ mod scratch;
 mod simd;
 #[path = "../../../src/kernels/softmax/mod.rs"]
 mod softmax;
+#[path = "../../../src/kernels/transpose.rs"]
+mod transpose;
