@@ -75,7 +75,7 @@ impl Kernel for Part<'_> {
                 for (values, channels, pairs) in [(x, channels_in, x_pairs), (dy, channels_out, dy_pairs)] {
                     let values = &values[image * channels * height_px * width_px..];
                     let rows = Rows { values, channels, height_px, width_px, first: y as isize, n_rows };
-                    rows.pair::<1>([0, 1, width_px], a, pairs);
+                    rows.pair::<1>(0, [1, width_px], a, pairs);
                 }
             }
             add(shape, n_rows, [b.get(n_rows * x_row), c.get(n_rows * dy_row)], sums);

@@ -21,6 +21,7 @@ mod pairs;
 mod pass;
 mod pointwise;
 mod strip;
+mod tile_gradient;
 mod tiles;
 mod weight_gradient;
 mod winograd;

@@ -43,7 +43,8 @@ impl Rows<'_> {
     #[inline(always)]
     pub unsafe fn pair<const COLUMNS: usize>(
         &self,
-        [lead, stride, n_pixels]: [usize; 3],
+        lead: isize,
+        [stride, n_pixels]: [usize; 2],
         buffer: &mut Buffer,
         pairs: &mut [f32],
     ) {
@@ -51,12 +52,9 @@ impl Rows<'_> {
         let row_len = COLUMNS * n_pairs;
         let (n_blocks, block_len) = (self.channels.div_ceil(LANES), row_len * LANES);
         assert_eq!(pairs.len(), n_rows * n_blocks * block_len);
-        // As far as a pair's second pixel reaches.
-        let line_len = 2 * n_pairs * stride + COLUMNS;
         // A cache line more, so that the lanes of a pixel do not share one set of the cache.
         let lane_len = n_rows * row_len + LANES;
-        let (line, lanes) = buffer.get(line_len + LANES * lane_len).split_at_mut(line_len);
-        line.fill(0.0);
+        let lanes = buffer.get(LANES * lane_len);
         for block in 0..n_blocks {
             // All rows of a channel in turn, as they lie in memory.
             for (lane, rows) in lanes.chunks_exact_mut(lane_len).enumerate() {
@@ -65,15 +63,13 @@ impl Rows<'_> {
                         words.fill(0.0);
                         continue;
                     };
-                    line[lead..lead + pixels.len()].copy_from_slice(pixels);
                     for (column, words) in words.chunks_exact_mut(n_pairs).enumerate() {
-                        assert!(line.len() >= column + 2 * stride * n_pairs);
-                        let (pixels, words) = (line[column..].as_ptr(), words.as_mut_ptr());
-                        // SAFETY: the assert; `padded_pairs` are whole vectors; the caller's promise.
+                        let first = column as isize - lead;
+                        // SAFETY: `padded_pairs` are whole vectors; the caller's promise.
                         unsafe {
                             match stride {
-                                1 => pair_neighbours::<1>(pixels, n_pairs, words),
-                                _ => pair_neighbours::<2>(pixels, n_pairs, words),
+                                1 => pair_neighbours::<1>(pixels, first, words),
+                                _ => pair_neighbours::<2>(pixels, first, words),
                             }
                         }
                     }
@@ -93,17 +89,17 @@ impl Rows<'_> {
     }
 }
 
-/// Pairs of pixels that lie a stride apart, as of [`pair`](crate::kernels::products::pair): by name, as the compiler finds no
-/// vectors for them.
+/// Pairs of pixels that lie a stride apart, as [`pair`](crate::kernels::products::pair) makes them, from pixel `first` on; zero
+/// outside of the row. Vectors by name, as the compiler finds none.
 ///
 /// # Safety
-/// The CPU has AVX-512. `n_pairs`, whole vectors, are writable at `pairs`, and twice as many pixels and strides are readable.
+/// The CPU has AVX-512, and `pairs` are whole vectors.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512bw")]
-unsafe fn pair_neighbours<const STRIDE: usize>(pixels: *const f32, n_pairs: usize, pairs: *mut f32) {
+pub(super) unsafe fn pair_neighbours<const STRIDE: usize>(pixels: &[f32], first: isize, pairs: &mut [f32]) {
     use std::arch::x86_64::{
-        __m512i, _mm512_add_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_loadu_ps,
-        _mm512_loadu_si512, _mm512_permutex2var_epi16, _mm512_permutex2var_ps, _mm512_set1_epi32,
+        __m512i, _mm512_add_epi32, _mm512_castps_si512, _mm512_castsi512_ps, _mm512_loadu_si512,
+        _mm512_maskz_loadu_ps, _mm512_permutex2var_epi16, _mm512_permutex2var_ps, _mm512_set1_epi32,
         _mm512_storeu_ps,
     };
     // Of two vectors, the upper half of each float; and every other float.
@@ -125,31 +121,37 @@ unsafe fn pair_neighbours<const STRIDE: usize>(pixels: *const f32, n_pairs: usiz
         }
         places
     };
-    // SAFETY: both constants are a vector long; the caller's promise.
-    unsafe {
-        let (upper, even) =
-            (_mm512_loadu_si512(UPPER.as_ptr().cast()), _mm512_loadu_si512(EVEN.as_ptr().cast()));
-        let half = _mm512_set1_epi32(HALF as i32);
-        let rounded = |at: usize| -> __m512i {
-            let floats = if STRIDE == 1 {
-                _mm512_loadu_ps(pixels.add(at))
-            } else {
-                let from = pixels.add(2 * at);
-                _mm512_permutex2var_ps(_mm512_loadu_ps(from), even, _mm512_loadu_ps(from.add(LANES)))
-            };
-            _mm512_add_epi32(_mm512_castps_si512(floats), half)
+    let n_lanes = LANES as isize;
+    let load = |at: isize| {
+        let (below, above) = ((-at).clamp(0, n_lanes), (pixels.len() as isize - at).clamp(0, n_lanes));
+        let mask = (((1u32 << above) - 1) & !((1u32 << below) - 1)) as u16;
+        // SAFETY: lanes outside of the row are masked out, and not read.
+        unsafe { _mm512_maskz_loadu_ps(mask, pixels.as_ptr().wrapping_offset(at)) }
+    };
+    // SAFETY: both constants are a vector long.
+    let (upper, even) =
+        unsafe { (_mm512_loadu_si512(UPPER.as_ptr().cast()), _mm512_loadu_si512(EVEN.as_ptr().cast())) };
+    let half = _mm512_set1_epi32(HALF as i32);
+    let rounded = |at: isize| -> __m512i {
+        let floats = if STRIDE == 1 {
+            load(first + at)
+        } else {
+            _mm512_permutex2var_ps(load(first + 2 * at), even, load(first + 2 * at + n_lanes))
         };
-        for first in (0..n_pairs).step_by(LANES) {
-            let halves = _mm512_permutex2var_epi16(rounded(2 * first), upper, rounded(2 * first + LANES));
-            _mm512_storeu_ps(pairs.add(first), _mm512_castsi512_ps(halves));
-        }
+        _mm512_add_epi32(_mm512_castps_si512(floats), half)
+    };
+    for (at, pairs) in pairs.chunks_exact_mut(LANES).enumerate() {
+        let at = 2 * (at * LANES) as isize;
+        let halves = _mm512_permutex2var_epi16(rounded(at), upper, rounded(at + n_lanes));
+        // SAFETY: a chunk is a vector long.
+        unsafe { _mm512_storeu_ps(pairs.as_mut_ptr(), _mm512_castsi512_ps(halves)) };
     }
 }
 
 /// # Safety
 /// Never called: other CPUs have no AVX-512.
 #[cfg(not(target_arch = "x86_64"))]
-unsafe fn pair_neighbours<const STRIDE: usize>(_: *const f32, _: usize, _: *mut f32) {
+pub(super) unsafe fn pair_neighbours<const STRIDE: usize>(_: &[f32], _: isize, _: &mut [f32]) {
     unreachable!("callers ask for AVX-512");
 }
 

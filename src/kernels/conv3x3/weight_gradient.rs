@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::pair_gradient::{self, PairTile, Rows, padded_pairs};
-use super::{BAND_BYTES, Shape, block_gradient, uses_matrix_unit, uses_pairs};
+use super::{BAND_BYTES, Shape, block_gradient, tile_gradient, uses_matrix_unit, uses_pairs, winograd};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
 
@@ -24,6 +24,9 @@ pub(in crate::kernels) fn weight_gradient(
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
     if uses_matrix_unit(set, (shape.channels_out, shape.channels_in)) {
         return block_gradient::weight_gradient(shape, 3, x, dy, set);
+    }
+    if uses_pairs(set, shape.channels_in) && winograd::fits(shape, set) {
+        return tile_gradient::weight_gradient(shape, x, dy, set);
     }
     let (n_lanes, n_rows) = (set.lanes(), set.rows());
     let blocks_in = shape.channels_in.div_ceil(n_lanes);
@@ -204,8 +207,8 @@ impl<'a> Part<'a> {
         let (x, dy) = (b.get(n_x_rows * x_row), c.get(n_rows * dy_row));
         // SAFETY: `is_paired` says that the CPU has pairs, in vectors of AVX-512.
         unsafe {
-            inputs.pair::<3>([1, stride, n_pixels], a, x);
-            outputs.pair::<1>([0, 1, n_pixels], a, dy);
+            inputs.pair::<3>(1, [stride, n_pixels], a, x);
+            outputs.pair::<1>(0, [1, n_pixels], a, dy);
         }
         assert!(self.sums.len() == blocks_in * 9 * blocks_out * ROWS * LANES);
         for block_in in 0..blocks_in {

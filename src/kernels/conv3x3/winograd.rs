@@ -20,7 +20,7 @@ use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, Vector};
 
 /// Elements of a tile.
-const ELEMENTS: usize = 16;
+pub(super) const ELEMENTS: usize = 16;
 /// Rows of tiles that a task takes: with 16 or 32 tiles a row, whole register tiles.
 const BAND_ROWS: usize = 3;
 /// Fewest channels on either side: below, turning tiles costs more than it saves.
@@ -257,7 +257,7 @@ fn turn<S: Simd>([a, b, c, d]: [Vector<S, f32>; 4]) -> [Vector<S, f32>; 4] {
 /// `B' d B` of a vector of tiles, of one channel. Loops, not `array::from_fn`, here and below: its closures are compiled outside of
 /// the function that enables the instruction set.
 #[inline(always)]
-fn turn_channel<S: Simd, const LANES: usize>(
+pub(super) fn turn_channel<S: Simd, const LANES: usize>(
     band: &[f32],
     layout: &Layout,
     [row, x]: [usize; 2],
