@@ -20,7 +20,7 @@ use crate::kernels::transpose::transpose;
 /// Blocks of input channels in a register tile.
 const TILE_BLOCKS: usize = 3;
 /// Rows of tiles that a task turns at a time.
-const BAND_ROWS: usize = 8;
+const BAND_ROWS: usize = 4;
 /// Most parts: each has sums of 16 elements for each pair of channels.
 const MAX_PARTS: usize = 2;
 /// Floats of two vectors of tiles, turned; and of what they become, a vector of pairs.
