@@ -1,4 +1,4 @@
-//! The weight gradient by the tiles of [`super::winograd`], in pairs of bf16: 16 products where taps take 36.
+//! The weight gradient by the tiles of [`super::winograd`], on AVX-512: 16 products where taps take 36, in f32 or pairs of bf16.
 //!
 //! ```text
 //! dg = G' [sum over tiles of (A dY A') * (B' d B)] G
@@ -12,9 +12,11 @@ use rayon::prelude::*;
 use super::Shape;
 use super::band::{Layout, Planes, pack};
 use super::pair_gradient::{LANES, PairTile, ROWS, pair_neighbours};
-use super::winograd::{ELEMENTS, turn_channel};
+use super::uses_pairs;
+use super::weight_gradient::Tile;
+use super::winograd::{self, ELEMENTS, turn_channel};
 use crate::kernels::scratch::{Buffer, Scratch, with_scratch};
-use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, Vector};
+use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, Vector, lanes};
 use crate::kernels::transpose::transpose;
 
 /// Blocks of input channels in a register tile.
@@ -23,19 +25,22 @@ const TILE_BLOCKS: usize = 3;
 const BAND_ROWS: usize = 4;
 /// Most parts: each has sums of 16 elements for each pair of channels.
 const MAX_PARTS: usize = 2;
-/// Floats of two vectors of tiles, turned; and of what they become, a vector of pairs.
+/// Floats of two vectors of tiles, which one step turns.
 const TWO: usize = 2 * LANES;
-/// Floats of a block of channels in pairs of one step, all elements: `[element][LANES][LANES]`.
-const STAGE: usize = ELEMENTS * LANES * LANES;
+
+/// Whether a weight gradient goes by tiles.
+pub(super) fn fits(shape: Shape, set: InstructionSet) -> bool {
+    set.lanes() == LANES && winograd::fits(shape, set)
+}
 
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, dy: `[batch, channel_out, y, x]`
 /// - output: `[channel_out, channel_in, 3, 3]`
 ///
 /// # Panics
-/// If the set has no pairs, or [`fits`](super::winograd::fits) says no.
+/// If [`fits`] says no.
 pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: InstructionSet) -> Vec<f32> {
-    assert!(set.has_pairs() && super::winograd::fits(shape, set));
+    assert!(fits(shape, set));
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
     let Shape { batch, channels_in, channels_out, height_px, .. } = shape;
     let (blocks_in, blocks_out) = (channels_in.div_ceil(LANES), channels_out.div_ceil(ROWS));
@@ -46,7 +51,8 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
     let mut sums = vec![0.0; n_parts * part_len];
     sums.par_chunks_mut(part_len).enumerate().for_each(|(part, sums)| {
         let rows = part * total_rows / n_parts..(part + 1) * total_rows / n_parts;
-        with_scratch(|scratch| set.run(Part { shape, x, dy, rows, sums, scratch }));
+        let is_paired = uses_pairs(set, channels_in);
+        with_scratch(|scratch| set.run(Part { shape, x, dy, rows, sums, is_paired, scratch }));
     });
     let mut gradient = vec![0.0; shape.n_weights()];
     gradient.par_chunks_exact_mut(9 * channels_in).enumerate().for_each(|(o, gradient)| {
@@ -88,13 +94,25 @@ struct Part<'a> {
     rows: std::ops::Range<usize>,
     /// `[element][group of blocks in][block out][channel out in block][block in in group][channel in in block]`
     sums: &'a mut [f32],
+    /// Whether pairs of bf16 are multiplied.
+    is_paired: bool,
     scratch: &'a mut Scratch,
 }
 
 impl Kernel for Part<'_> {
     #[inline(always)]
     fn run<S: Simd, const S_ROWS: usize, const S_LANES: usize>(self) {
-        let Self { shape, x, dy, rows, sums, scratch } = self;
+        // Only AVX-512 comes here, by `fits`; for other sets nothing is compiled.
+        if const { lanes::<S>() == LANES } {
+            self.run_wide::<S>();
+        }
+    }
+}
+
+impl Part<'_> {
+    #[inline(always)]
+    fn run_wide<S: Simd>(self) {
+        let Self { shape, x, dy, rows, sums, is_paired, scratch } = self;
         let tile_rows = shape.height_px / 2;
         let row_vectors = shape.width_px / TWO;
         let mut row = rows.start;
@@ -103,11 +121,11 @@ impl Kernel for Part<'_> {
             let n_rows = BAND_ROWS.min(tile_rows - first_row).min(rows.end - row);
             let n_vectors = n_rows * row_vectors;
             let Scratch { a, b, c } = &mut *scratch;
-            let steps =
-                Steps { shape, image, first_row, n_rows, row_vectors, n_steps: n_vectors.div_ceil(2) };
+            let n_steps = n_vectors.div_ceil(2);
+            let steps = Steps { shape, image, first_row, n_rows, row_vectors, n_steps, is_paired };
             steps.turn::<S, true>(x, shape.channels_in, a, b);
             steps.turn::<S, false>(dy, shape.channels_out, a, c);
-            steps.add(b, c, sums);
+            steps.add::<S>(b, c, sums);
             row += n_rows;
         }
     }
@@ -123,15 +141,21 @@ struct Steps {
     /// Vectors of tiles in a row.
     row_vectors: usize,
     n_steps: usize,
+    is_paired: bool,
 }
 
 impl Steps {
-    /// Floats of one element of a block of LANES channels: `[pair][LANES]`.
-    fn block_len(self) -> usize {
-        self.n_steps * LANES * LANES
+    /// Words that a step makes of a channel: tiles, or pairs of them.
+    fn step_len(self) -> usize {
+        if self.is_paired { LANES } else { TWO }
     }
 
-    /// Turns the tiles of all channels to `[element][block of LANES channels][pair][LANES]`, zero beyond the last channel and tile.
+    /// Floats of one element of a block of LANES channels: `[word][LANES]`.
+    fn block_len(self) -> usize {
+        self.n_steps * self.step_len() * LANES
+    }
+
+    /// Turns the tiles of all channels to `[element][block of LANES channels][word][LANES]`, zero beyond the last channel and tile.
     #[inline(always)]
     fn turn<S: Simd, const IS_INPUT: bool>(
         self,
@@ -143,14 +167,17 @@ impl Steps {
         let Shape { height_px, width_px, .. } = self.shape;
         let source = Planes { values, channels, height_px, width_px, split: 2, lead: 1 };
         let layout = Layout::new(false, &source, width_px / 2, self.n_rows);
-        let (band, work) = buffer.get(layout.len + STAGE + ELEMENTS * TWO).split_at_mut(layout.len);
-        let (stage, vectors) = work.split_at_mut(STAGE);
+        // Of a block of channels: `[lane][element][word]`.
+        let lane_len = ELEMENTS * self.step_len();
+        let n_work = LANES * lane_len + ELEMENTS * TWO;
+        let (band, work) = buffer.get(layout.len + n_work).split_at_mut(layout.len);
+        let (stage, vectors) = work.split_at_mut(LANES * lane_len);
         pack(&source, &layout, self.image, self.first_row, band);
         let n_blocks = channels.div_ceil(LANES);
         let turned = turned.get(ELEMENTS * n_blocks * self.block_len());
         for block in 0..n_blocks {
             for step in 0..self.n_steps {
-                for (lane, stage) in stage.chunks_exact_mut(ELEMENTS * LANES).enumerate() {
+                for (lane, stage) in stage.chunks_exact_mut(lane_len).enumerate() {
                     let channel = block * LANES + lane;
                     if channel >= channels {
                         stage.fill(0.0);
@@ -171,16 +198,23 @@ impl Steps {
                             unsafe { f32::vstore_unaligned(to[half * LANES..].as_mut_ptr(), vector) };
                         }
                     }
-                    // SAFETY: the set has pairs, in vectors of AVX-512; `[element][LANES]` are whole vectors.
-                    unsafe { pair_neighbours::<1>(vectors, 0, stage) };
+                    if self.is_paired {
+                        // SAFETY: the set has pairs, in vectors of AVX-512; `[element][LANES]` are whole vectors.
+                        unsafe { pair_neighbours::<1>(vectors, 0, stage) };
+                    } else {
+                        stage.copy_from_slice(vectors);
+                    }
                 }
                 for element in 0..ELEMENTS {
-                    let place = (element * n_blocks + block) * self.block_len() + step * LANES * LANES;
-                    let to = &mut turned[place..][..LANES * LANES];
-                    let from = &stage[element * LANES..];
-                    assert!(from.len() >= (LANES - 1) * ELEMENTS * LANES + LANES);
-                    // SAFETY: 16 rows of 16 words are readable by the assert, 256 are writable; the set has AVX-512.
-                    unsafe { transpose(from.as_ptr().cast(), ELEMENTS * LANES, to.as_mut_ptr().cast()) };
+                    let place =
+                        (element * n_blocks + block) * self.block_len() + step * self.step_len() * LANES;
+                    let to = &mut turned[place..][..self.step_len() * LANES];
+                    for (words, to) in to.chunks_exact_mut(LANES * LANES).enumerate() {
+                        let from = &stage[element * self.step_len() + words * LANES..];
+                        assert!(from.len() >= (LANES - 1) * lane_len + LANES);
+                        // SAFETY: 16 rows of 16 words are readable by the assert, 256 are writable; the set has AVX-512.
+                        unsafe { transpose(from.as_ptr().cast(), lane_len, to.as_mut_ptr().cast()) };
+                    }
                 }
             }
         }
@@ -188,7 +222,7 @@ impl Steps {
 
     /// Adds the products of tiles that are turned.
     #[inline(always)]
-    fn add(self, x: &mut Buffer, dy: &mut Buffer, sums: &mut [f32]) {
+    fn add<S: Simd>(self, x: &mut Buffer, dy: &mut Buffer, sums: &mut [f32]) {
         let Shape { channels_in, channels_out, .. } = self.shape;
         let (blocks_in, blocks_out) = (channels_in.div_ceil(LANES), channels_out.div_ceil(ROWS));
         let (x_len, dy_len) = (blocks_in * self.block_len(), channels_out.div_ceil(LANES) * self.block_len());
@@ -200,28 +234,51 @@ impl Steps {
             for first in (0..blocks_in).step_by(TILE_BLOCKS) {
                 let vectors = (blocks_in - first).min(TILE_BLOCKS);
                 for block_out in 0..blocks_out {
-                    // SAFETY: the set has pairs. x: the vectors of blocks `first..first + vectors`; dy: the half of a vector's lanes
-                    // that block `block_out` has; sums: this tile's, of all tiles of `blocks_in * blocks_out` blocks.
+                    let place = (first * blocks_out + block_out * vectors) * ROWS * LANES;
+                    let sums = &mut sums[place..][..ROWS * vectors * LANES];
+                    let x = &x[first * self.block_len()..][..vectors * self.block_len()];
+                    let dy = &dy[block_out / 2 * self.block_len()..][..self.block_len()];
+                    // The half of a vector's lanes that block `block_out` has.
+                    let half = block_out % 2 * ROWS;
+                    // SAFETY: each of the slices holds what a tile of `vectors` vectors reads and writes.
                     unsafe {
-                        let tile = PairTile {
-                            n_rows: 1,
-                            n_pairs: self.n_steps * LANES,
-                            x: x.as_ptr().add(first * self.block_len()),
-                            x_row: 0,
-                            x_vector: self.block_len(),
-                            dy: dy.as_ptr().add(block_out / 2 * self.block_len() + block_out % 2 * ROWS),
-                            dy_row: 0,
-                        };
-                        let place = (first * blocks_out + block_out * vectors) * ROWS * LANES;
-                        let sums = sums.as_mut_ptr().add(place);
                         match vectors {
-                            3 => tile.add::<3>(sums),
-                            2 => tile.add::<2>(sums),
-                            _ => tile.add::<1>(sums),
+                            3 => self.multiply::<S, 3>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
+                            2 => self.multiply::<S, 2>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
+                            _ => self.multiply::<S, 1>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
                         }
                     }
                 }
             }
+        }
+    }
+
+    /// Adds the products of one register tile.
+    ///
+    /// # Safety
+    /// VECTORS blocks of x are readable, ROWS floats of dy at each word, and `[ROWS][VECTORS][LANES]` sums are writable.
+    #[inline(always)]
+    unsafe fn multiply<S: Simd, const VECTORS: usize>(self, x: *const f32, dy: *const f32, sums: *mut f32) {
+        let (n_words, x_vector) = (self.n_steps * self.step_len(), self.block_len());
+        // SAFETY: the caller's promise; where there are pairs, the set has them.
+        unsafe {
+            if self.is_paired {
+                PairTile { n_rows: 1, n_pairs: n_words, x, x_row: 0, x_vector, dy, dy_row: 0 }
+                    .add::<VECTORS>(sums);
+                return;
+            }
+            let tile = Tile {
+                n_rows: 1,
+                n_pixels: n_words,
+                x,
+                x_row: 0,
+                x_pixel: LANES,
+                x_vector,
+                dy,
+                dy_row: 0,
+                dy_pixel: LANES,
+            };
+            tile.add::<S, ROWS, VECTORS>(sums);
         }
     }
 }

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::pair_gradient::{self, PairTile, Rows, padded_pairs};
-use super::{BAND_BYTES, Shape, block_gradient, tile_gradient, uses_matrix_unit, uses_pairs, winograd};
+use super::{BAND_BYTES, Shape, block_gradient, tile_gradient, uses_matrix_unit, uses_pairs};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
 
@@ -25,7 +25,7 @@ pub(in crate::kernels) fn weight_gradient(
     if uses_matrix_unit(set, (shape.channels_out, shape.channels_in)) {
         return block_gradient::weight_gradient(shape, 3, x, dy, set);
     }
-    if uses_pairs(set, shape.channels_in) && winograd::fits(shape, set) {
+    if tile_gradient::fits(shape, set) {
         return tile_gradient::weight_gradient(shape, x, dy, set);
     }
     let (n_lanes, n_rows) = (set.lanes(), set.rows());
@@ -154,11 +154,13 @@ impl Part<'_> {
                             x: x.as_ptr().add(kernel_row * x_row + block_in * padded_width * LANES),
                             x_row: x_row * stride,
                             x_pixel: stride * LANES,
+                            x_vector: LANES,
                             dy: dy.as_ptr().add(block_out * out_width_px * ROWS),
                             dy_row,
+                            dy_pixel: ROWS,
                         };
                         let place = (block_in * 3 + kernel_row) * blocks_out + block_out;
-                        tile.add::<S, ROWS>(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
+                        tile.add::<S, ROWS, 3>(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
                     }
                 }
             }
@@ -237,52 +239,54 @@ impl<'a> Part<'a> {
 }
 
 /// Operands of one register tile: strides in floats.
-struct Tile {
-    n_rows: usize,
-    n_pixels: usize,
-    x: *const f32,
-    x_row: usize,
-    x_pixel: usize,
-    dy: *const f32,
-    dy_row: usize,
+pub(super) struct Tile {
+    pub n_rows: usize,
+    pub n_pixels: usize,
+    pub x: *const f32,
+    pub x_row: usize,
+    pub x_pixel: usize,
+    /// From a vector of the tile to the next one's.
+    pub x_vector: usize,
+    pub dy: *const f32,
+    pub dy_row: usize,
+    pub dy_pixel: usize,
 }
 
 impl Tile {
-    /// Adds the products of all pixels to `sums`, `[ROWS][3][LANES]`.
+    /// Adds the products of all pixels to `sums`, `[ROWS][VECTORS][LANES]`.
     ///
     /// # Safety
-    /// In each row, three vectors of x are readable at each pixel, and ROWS floats of dy; `sums` is readable and writable.
+    /// In each row, VECTORS vectors of x are readable at each pixel, and ROWS floats of dy; `sums` is readable and writable.
     #[inline(always)]
-    unsafe fn add<S: Simd, const ROWS: usize>(self, sums: *mut f32) {
+    pub unsafe fn add<S: Simd, const ROWS: usize, const VECTORS: usize>(self, sums: *mut f32) {
         // SAFETY: every access is one of those listed above.
         unsafe {
-            let mut tile = [[0f32.splat::<S>(); 3]; ROWS];
+            let mut tile = [[0f32.splat::<S>(); VECTORS]; ROWS];
             for (row, tile) in tile.iter_mut().enumerate() {
                 for (k, sum) in tile.iter_mut().enumerate() {
-                    *sum = f32::vload_unaligned::<S>(sums.add((row * 3 + k) * lanes::<S>()));
+                    *sum = f32::vload_unaligned::<S>(sums.add((row * VECTORS + k) * lanes::<S>()));
                 }
             }
             for row in 0..self.n_rows {
                 let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
                 for _ in 0..self.n_pixels {
-                    let columns = [
-                        f32::vload_unaligned::<S>(x),
-                        f32::vload_unaligned::<S>(x.add(lanes::<S>())),
-                        f32::vload_unaligned::<S>(x.add(2 * lanes::<S>())),
-                    ];
+                    let mut vectors = [0f32.splat::<S>(); VECTORS];
+                    for (k, vector) in vectors.iter_mut().enumerate() {
+                        *vector = f32::vload_unaligned::<S>(x.add(k * self.x_vector));
+                    }
                     for (row, tile) in tile.iter_mut().enumerate() {
                         let dy = (*dy.add(row)).splat::<S>();
-                        for (sum, x) in tile.iter_mut().zip(columns) {
+                        for (sum, x) in tile.iter_mut().zip(vectors) {
                             *sum = dy.mul_add(x, *sum);
                         }
                     }
                     x = x.wrapping_add(self.x_pixel);
-                    dy = dy.add(ROWS);
+                    dy = dy.wrapping_add(self.dy_pixel);
                 }
             }
             for (row, tile) in tile.iter().enumerate() {
                 for (k, sum) in tile.iter().enumerate() {
-                    f32::vstore_unaligned::<S>(sums.add((row * 3 + k) * lanes::<S>()), *sum);
+                    f32::vstore_unaligned::<S>(sums.add((row * VECTORS + k) * lanes::<S>()), *sum);
                 }
             }
         }
