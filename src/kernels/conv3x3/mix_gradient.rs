@@ -5,13 +5,11 @@
 
 use rayon::prelude::*;
 
-use super::pair_gradient::{LANES, PairTile, ROWS, Rows, padded_pairs};
+use super::gradient_tile::{LANES, PairSums, PairTile, ROWS};
+use super::pair_rows::{Rows, padded_pairs};
 use super::{BAND_BYTES, Shape};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
-
-/// Blocks of input channels in a register tile.
-const TILE_BLOCKS: usize = 3;
 
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, dy: `[batch, channel_out, y, x]`
@@ -23,22 +21,17 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
     assert!(set.has_pairs() && shape.stride == 1);
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
     let Shape { batch, channels_in, channels_out, height_px, .. } = shape;
-    let (blocks_in, blocks_out) = (channels_in.div_ceil(LANES), channels_out.div_ceil(ROWS));
+    let of_part = PairSums::of(channels_in, channels_out);
     let (n_parts, total_rows) = (shape.n_parts(), batch * height_px);
-    let part_len = blocks_in * blocks_out * ROWS * LANES;
-    let mut sums = vec![0.0; n_parts * part_len];
-    sums.par_chunks_mut(part_len).enumerate().for_each(|(part, sums)| {
+    let mut sums = vec![0.0; n_parts * of_part.len()];
+    sums.par_chunks_mut(of_part.len()).enumerate().for_each(|(part, sums)| {
         let rows = part * total_rows / n_parts..(part + 1) * total_rows / n_parts;
         with_scratch(|scratch| set.run(Part { shape, x, dy, rows, sums, scratch }));
     });
     let mut gradient = vec![0.0; channels_out * channels_in];
     for (at, gradient) in gradient.iter_mut().enumerate() {
-        let (o, i) = (at / channels_in, at % channels_in);
-        let (block_in, group) = (i / LANES, i / LANES / TILE_BLOCKS);
-        let vectors = (blocks_in - group * TILE_BLOCKS).min(TILE_BLOCKS);
-        let tile = (group * TILE_BLOCKS * blocks_out + o / ROWS * vectors) * ROWS;
-        let place = (tile + o % ROWS * vectors + block_in % TILE_BLOCKS) * LANES + i % LANES;
-        *gradient = sums.iter().skip(place).step_by(part_len).sum();
+        let place = of_part.place(at / channels_in, at % channels_in);
+        *gradient = sums.iter().skip(place).step_by(of_part.len()).sum();
     }
     gradient
 }
@@ -50,7 +43,7 @@ struct Part<'a> {
     dy: &'a [f32],
     /// Counted through the batch.
     rows: std::ops::Range<usize>,
-    /// `[group of blocks in][block out][channel out in block][block in in group][channel in in block]`
+    /// As [`PairSums`].
     sums: &'a mut [f32],
     scratch: &'a mut Scratch,
 }
@@ -87,33 +80,28 @@ impl Kernel for Part<'_> {
 /// Adds the products of some rows that are laid out in pairs.
 #[inline(always)]
 fn add(shape: Shape, n_rows: usize, [x, dy]: [&[f32]; 2], sums: &mut [f32]) {
-    let (blocks_in, blocks_out) = (shape.channels_in.div_ceil(LANES), shape.channels_out.div_ceil(ROWS));
+    let of_part = PairSums::of(shape.channels_in, shape.channels_out);
     let vector = padded_pairs(shape.width_px) * LANES;
-    let (x_row, dy_row) = (blocks_in * vector, shape.channels_out.div_ceil(LANES) * vector);
+    let (x_row, dy_row) = (of_part.blocks_in * vector, shape.channels_out.div_ceil(LANES) * vector);
     assert!(x.len() == n_rows * x_row && dy.len() == n_rows * dy_row);
-    assert!(sums.len() == blocks_in * blocks_out * ROWS * LANES);
-    for first in (0..blocks_in).step_by(TILE_BLOCKS) {
-        let vectors = (blocks_in - first).min(TILE_BLOCKS);
-        for block_out in 0..blocks_out {
-            // SAFETY: the set has pairs. x: in each row the vectors of blocks `first..first + vectors`; dy: in each row the half of
-            // a vector's lanes that block `block_out` has; sums: this tile's, of all tiles of `blocks_in * blocks_out` blocks.
-            unsafe {
-                let tile = PairTile {
-                    n_rows,
-                    n_pairs: shape.width_px.div_ceil(2),
-                    x: x.as_ptr().add(first * vector),
-                    x_row,
-                    x_vector: vector,
-                    dy: dy.as_ptr().add(block_out / 2 * vector + block_out % 2 * ROWS),
-                    dy_row,
-                };
-                let place = (first * blocks_out + block_out * vectors) * ROWS * LANES;
-                let sums = sums.as_mut_ptr().add(place);
-                match vectors {
-                    3 => tile.add::<3>(sums),
-                    2 => tile.add::<2>(sums),
-                    _ => tile.add::<1>(sums),
-                }
+    for tile in of_part.tiles() {
+        let sums = sums[tile.start..][..tile.len()].as_mut_ptr();
+        // SAFETY: the set has pairs. x: in each row the vectors of the tile's blocks; dy: in each row the half of a vector's
+        // lanes that its block of output channels has; sums: this tile's.
+        unsafe {
+            let operands = PairTile {
+                n_rows,
+                n_pairs: shape.width_px.div_ceil(2),
+                x: x.as_ptr().add(tile.first_in * vector),
+                x_row,
+                x_vector: vector,
+                dy: dy.as_ptr().add(tile.block_out / 2 * vector + tile.block_out % 2 * ROWS),
+                dy_row,
+            };
+            match tile.n_in {
+                3 => operands.add::<3>(sums),
+                2 => operands.add::<2>(sums),
+                _ => operands.add::<1>(sums),
             }
         }
     }

@@ -5,7 +5,8 @@
 //! Forward pass and input gradient are one implicit matrix product (`tiles`): pixels lie in the vector lanes,
 //! a register tile (`pass`) holds a few output channels by three vectors of pixels, and the input is packed, zeros
 //! at the borders included, in bands of rows that fit the second-level cache (`band`). The weight gradient
-//! has input channels in the lanes. Every sum runs in an order that the shape fixes, so that results are
+//! has input channels in the lanes. Of stride 1 all three go by tiles of 2 by 2 outputs (`winograd`, `tile_gradient`), with 16 products for
+//! 36, where channels and rows are many enough. Every sum runs in an order that the shape fixes, so that results are
 //! equal to the bit whatever the number of threads.
 
 mod band;
@@ -14,9 +15,10 @@ mod blocks;
 #[cfg(not(kernels_alone))]
 mod burn_op;
 mod forward;
+mod gradient_tile;
 mod input_gradient;
 mod mix_gradient;
-mod pair_gradient;
+mod pair_rows;
 mod pairs;
 mod pass;
 mod pointwise;

@@ -11,16 +11,14 @@ use rayon::prelude::*;
 
 use super::Shape;
 use super::band::{Layout, Planes, pack};
-use super::pair_gradient::{LANES, PairTile, ROWS, pair_neighbours};
+use super::gradient_tile::{LANES, PairSums, PairTile, ROWS, Tile};
+use super::pair_rows::pair_neighbours;
 use super::uses_pairs;
-use super::weight_gradient::Tile;
 use super::winograd::{self, ELEMENTS, turn_channel};
 use crate::kernels::scratch::{Buffer, Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, Vector, lanes};
 use crate::kernels::transpose::transpose;
 
-/// Blocks of input channels in a register tile.
-const TILE_BLOCKS: usize = 3;
 /// Rows of tiles that a task turns at a time.
 const BAND_ROWS: usize = 4;
 /// Most parts: each has sums of 16 elements for each pair of channels.
@@ -43,11 +41,10 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
     assert!(fits(shape, set));
     assert!(x.len() == shape.n_inputs() && dy.len() == shape.n_outputs());
     let Shape { batch, channels_in, channels_out, height_px, .. } = shape;
-    let (blocks_in, blocks_out) = (channels_in.div_ceil(LANES), channels_out.div_ceil(ROWS));
+    let of_element = PairSums::of(channels_in, channels_out);
     let total_rows = batch * height_px / 2;
     let n_parts = shape.n_parts().min(MAX_PARTS);
-    let element_len = blocks_in * blocks_out * ROWS * LANES;
-    let part_len = ELEMENTS * element_len;
+    let part_len = ELEMENTS * of_element.len();
     let mut sums = vec![0.0; n_parts * part_len];
     sums.par_chunks_mut(part_len).enumerate().for_each(|(part, sums)| {
         let rows = part * total_rows / n_parts..(part + 1) * total_rows / n_parts;
@@ -57,13 +54,10 @@ pub(super) fn weight_gradient(shape: Shape, x: &[f32], dy: &[f32], set: Instruct
     let mut gradient = vec![0.0; shape.n_weights()];
     gradient.par_chunks_exact_mut(9 * channels_in).enumerate().for_each(|(o, gradient)| {
         for (i, gradient) in gradient.chunks_exact_mut(9).enumerate() {
-            let (block_in, group) = (i / LANES, i / LANES / TILE_BLOCKS);
-            let vectors = (blocks_in - group * TILE_BLOCKS).min(TILE_BLOCKS);
-            let tile = (group * TILE_BLOCKS * blocks_out + o / ROWS * vectors) * ROWS;
-            let place = (tile + o % ROWS * vectors + block_in % TILE_BLOCKS) * LANES + i % LANES;
+            let place = of_element.place(o, i);
             let mut elements = [0.0; ELEMENTS];
             for part in sums.chunks_exact(part_len) {
-                for (element, sum) in elements.iter_mut().zip(part.chunks_exact(element_len)) {
+                for (element, sum) in elements.iter_mut().zip(part.chunks_exact(of_element.len())) {
                     *element += sum[place];
                 }
             }
@@ -92,7 +86,7 @@ struct Part<'a> {
     dy: &'a [f32],
     /// Counted through the batch.
     rows: std::ops::Range<usize>,
-    /// `[element][group of blocks in][block out][channel out in block][block in in group][channel in in block]`
+    /// `[element]`, then as [`PairSums`].
     sums: &'a mut [f32],
     /// Whether pairs of bf16 are multiplied.
     is_paired: bool,
@@ -224,29 +218,24 @@ impl Steps {
     #[inline(always)]
     fn add<S: Simd>(self, x: &mut Buffer, dy: &mut Buffer, sums: &mut [f32]) {
         let Shape { channels_in, channels_out, .. } = self.shape;
-        let (blocks_in, blocks_out) = (channels_in.div_ceil(LANES), channels_out.div_ceil(ROWS));
-        let (x_len, dy_len) = (blocks_in * self.block_len(), channels_out.div_ceil(LANES) * self.block_len());
+        let (of_element, block_len) = (PairSums::of(channels_in, channels_out), self.block_len());
+        let (x_len, dy_len) = (of_element.blocks_in * block_len, channels_out.div_ceil(LANES) * block_len);
         let (x, dy) = (x.get(ELEMENTS * x_len), dy.get(ELEMENTS * dy_len));
-        let element_len = blocks_in * blocks_out * ROWS * LANES;
-        assert!(sums.len() == ELEMENTS * element_len);
+        assert!(sums.len() == ELEMENTS * of_element.len());
         let elements = x.chunks_exact(x_len).zip(dy.chunks_exact(dy_len));
-        for ((x, dy), sums) in elements.zip(sums.chunks_exact_mut(element_len)) {
-            for first in (0..blocks_in).step_by(TILE_BLOCKS) {
-                let vectors = (blocks_in - first).min(TILE_BLOCKS);
-                for block_out in 0..blocks_out {
-                    let place = (first * blocks_out + block_out * vectors) * ROWS * LANES;
-                    let sums = &mut sums[place..][..ROWS * vectors * LANES];
-                    let x = &x[first * self.block_len()..][..vectors * self.block_len()];
-                    let dy = &dy[block_out / 2 * self.block_len()..][..self.block_len()];
-                    // The half of a vector's lanes that block `block_out` has.
-                    let half = block_out % 2 * ROWS;
-                    // SAFETY: each of the slices holds what a tile of `vectors` vectors reads and writes.
-                    unsafe {
-                        match vectors {
-                            3 => self.multiply::<S, 3>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
-                            2 => self.multiply::<S, 2>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
-                            _ => self.multiply::<S, 1>(x.as_ptr(), dy.as_ptr().add(half), sums.as_mut_ptr()),
-                        }
+        for ((x, dy), sums) in elements.zip(sums.chunks_exact_mut(of_element.len())) {
+            for tile in of_element.tiles() {
+                let x = &x[tile.first_in * block_len..][..tile.n_in * block_len];
+                let dy = &dy[tile.block_out / 2 * block_len..][..block_len];
+                // The half of a vector's lanes that this block of output channels has.
+                let dy = dy[tile.block_out % 2 * ROWS..].as_ptr();
+                let sums = sums[tile.start..][..tile.len()].as_mut_ptr();
+                // SAFETY: each of the slices holds what a tile of so many vectors reads and writes.
+                unsafe {
+                    match tile.n_in {
+                        3 => self.multiply::<S, 3>(x.as_ptr(), dy, sums),
+                        2 => self.multiply::<S, 2>(x.as_ptr(), dy, sums),
+                        _ => self.multiply::<S, 1>(x.as_ptr(), dy, sums),
                     }
                 }
             }

@@ -6,10 +6,11 @@
 
 use rayon::prelude::*;
 
-use super::pair_gradient::{self, PairTile, Rows, padded_pairs};
+use super::gradient_tile::{self, PairTile, Tile};
+use super::pair_rows::{Rows, padded_pairs};
 use super::{BAND_BYTES, Shape, block_gradient, tile_gradient, uses_matrix_unit, uses_pairs};
 use crate::kernels::scratch::{Scratch, with_scratch};
-use crate::kernels::simd::{InstructionSet, Kernel, Scalar, Simd, lanes};
+use crate::kernels::simd::{InstructionSet, Kernel, Simd};
 
 /// # Shapes
 /// - x: `[batch, channel_in, y, x]`, dy: `[batch, channel_out, out_y, out_x]`
@@ -196,7 +197,7 @@ impl<'a> Part<'a> {
     /// As `add_rows`, in pairs of pixels.
     #[inline(always)]
     fn add_pairs(&mut self, image: usize, y: usize, n_rows: usize, [blocks_in, blocks_out]: [usize; 2]) {
-        use pair_gradient::{LANES, ROWS};
+        use gradient_tile::{LANES, ROWS};
         let (shape, stride) = (self.shape, self.shape.stride);
         let n_pixels = shape.out_width_px();
         let n_x_rows = (n_rows - 1) * stride + 3;
@@ -232,61 +233,6 @@ impl<'a> Part<'a> {
                         let place = (block_in * 3 + kernel_row) * blocks_out + block_out;
                         tile.add::<3>(self.sums.as_mut_ptr().add(place * ROWS * 3 * LANES));
                     }
-                }
-            }
-        }
-    }
-}
-
-/// Operands of one register tile: strides in floats.
-pub(super) struct Tile {
-    pub n_rows: usize,
-    pub n_pixels: usize,
-    pub x: *const f32,
-    pub x_row: usize,
-    pub x_pixel: usize,
-    /// From a vector of the tile to the next one's.
-    pub x_vector: usize,
-    pub dy: *const f32,
-    pub dy_row: usize,
-    pub dy_pixel: usize,
-}
-
-impl Tile {
-    /// Adds the products of all pixels to `sums`, `[ROWS][VECTORS][LANES]`.
-    ///
-    /// # Safety
-    /// In each row, VECTORS vectors of x are readable at each pixel, and ROWS floats of dy; `sums` is readable and writable.
-    #[inline(always)]
-    pub unsafe fn add<S: Simd, const ROWS: usize, const VECTORS: usize>(self, sums: *mut f32) {
-        // SAFETY: every access is one of those listed above.
-        unsafe {
-            let mut tile = [[0f32.splat::<S>(); VECTORS]; ROWS];
-            for (row, tile) in tile.iter_mut().enumerate() {
-                for (k, sum) in tile.iter_mut().enumerate() {
-                    *sum = f32::vload_unaligned::<S>(sums.add((row * VECTORS + k) * lanes::<S>()));
-                }
-            }
-            for row in 0..self.n_rows {
-                let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
-                for _ in 0..self.n_pixels {
-                    let mut vectors = [0f32.splat::<S>(); VECTORS];
-                    for (k, vector) in vectors.iter_mut().enumerate() {
-                        *vector = f32::vload_unaligned::<S>(x.add(k * self.x_vector));
-                    }
-                    for (row, tile) in tile.iter_mut().enumerate() {
-                        let dy = (*dy.add(row)).splat::<S>();
-                        for (sum, x) in tile.iter_mut().zip(vectors) {
-                            *sum = dy.mul_add(x, *sum);
-                        }
-                    }
-                    x = x.wrapping_add(self.x_pixel);
-                    dy = dy.wrapping_add(self.dy_pixel);
-                }
-            }
-            for (row, tile) in tile.iter().enumerate() {
-                for (k, sum) in tile.iter().enumerate() {
-                    f32::vstore_unaligned::<S>(sums.add((row * VECTORS + k) * lanes::<S>()), *sum);
                 }
             }
         }

@@ -1,12 +1,9 @@
-//! The weight gradient in pairs of bf16: of two neighbouring output pixels, with input channels in the lanes.
+//! Rows of pixels in pairs of bf16 with channels in the lanes, as the weight gradient multiplies them.
 
+use super::gradient_tile::LANES;
 use crate::kernels::products::HALF;
 use crate::kernels::scratch::Buffer;
 use crate::kernels::transpose::transpose;
-
-/// Rows of a tile, and lanes of a vector: those of AVX-512.
-pub(super) const ROWS: usize = 8;
-pub(super) const LANES: usize = 16;
 
 /// Pairs that a row of output pixels takes in memory: whole blocks of a transpose.
 pub(super) fn padded_pairs(n_pixels: usize) -> usize {
@@ -153,73 +150,4 @@ pub(super) unsafe fn pair_neighbours<const STRIDE: usize>(pixels: &[f32], first:
 #[cfg(not(target_arch = "x86_64"))]
 pub(super) unsafe fn pair_neighbours<const STRIDE: usize>(_: &[f32], _: isize, _: &mut [f32]) {
     unreachable!("callers ask for AVX-512");
-}
-
-/// Operands of one register tile: strides in floats.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "other CPUs have no pairs"))]
-pub(super) struct PairTile {
-    pub n_rows: usize,
-    pub n_pairs: usize,
-    pub x: *const f32,
-    pub x_row: usize,
-    /// From a vector of the tile to the next one's.
-    pub x_vector: usize,
-    pub dy: *const f32,
-    pub dy_row: usize,
-}
-
-#[cfg(target_arch = "x86_64")]
-impl PairTile {
-    /// Adds the products of all pixels to `sums`, `[ROWS][VECTORS][LANES]`.
-    ///
-    /// # Safety
-    /// The CPU has AVX512-BF16. In each row a vector of x is readable for each pair and each of VECTORS, and ROWS floats of dy for
-    /// each pair, LANES apart; `sums` is readable and writable.
-    #[target_feature(enable = "avx512f,avx512bf16")]
-    pub unsafe fn add<const VECTORS: usize>(self, sums: *mut f32) {
-        use std::arch::x86_64::{
-            __m512, __m512bh, _mm512_dpbf16_ps, _mm512_loadu_ps, _mm512_set1_ps, _mm512_storeu_ps,
-        };
-        use std::mem::transmute;
-
-        // SAFETY: every access is one of those listed above; the vectors' types have one size, and any bits are valid.
-        unsafe {
-            let mut tile = [[_mm512_set1_ps(0.0); VECTORS]; ROWS];
-            for (row, tile) in tile.iter_mut().enumerate() {
-                for (k, sum) in tile.iter_mut().enumerate() {
-                    *sum = _mm512_loadu_ps(sums.add((row * VECTORS + k) * LANES));
-                }
-            }
-            for row in 0..self.n_rows {
-                let (mut x, mut dy) = (self.x.add(row * self.x_row), self.dy.add(row * self.dy_row));
-                for _ in 0..self.n_pairs {
-                    let vectors: [_; VECTORS] = std::array::from_fn(|k| {
-                        transmute::<__m512, __m512bh>(_mm512_loadu_ps(x.add(k * self.x_vector)))
-                    });
-                    for (row, tile) in tile.iter_mut().enumerate() {
-                        let dy = transmute::<__m512, __m512bh>(_mm512_set1_ps(*dy.add(row)));
-                        for (sum, &x) in tile.iter_mut().zip(&vectors) {
-                            *sum = _mm512_dpbf16_ps(*sum, dy, x);
-                        }
-                    }
-                    x = x.wrapping_add(LANES);
-                    dy = dy.wrapping_add(LANES);
-                }
-            }
-            for (row, tile) in tile.iter().enumerate() {
-                for (k, sum) in tile.iter().enumerate() {
-                    _mm512_storeu_ps(sums.add((row * VECTORS + k) * LANES), *sum);
-                }
-            }
-        }
-    }
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-impl PairTile {
-    /// # Safety
-    /// Never called: other CPUs have no pairs.
-    pub unsafe fn add<const VECTORS: usize>(self, _: *mut f32) {
-        unreachable!("`has_pairs` is false");
-    }
 }
