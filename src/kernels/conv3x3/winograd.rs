@@ -235,7 +235,8 @@ impl Kernel for Band<'_> {
                             write_outputs::<S, LANES>(
                                 sums.as_ptr().add(row * tile_len + at * LANES),
                                 ROWS * tile_len,
-                                [shift, if tiled.has_relu { 0.0 } else { f32::NEG_INFINITY }],
+                                shift,
+                                tiled.has_relu,
                                 self.output.start.add(place),
                                 tiled.width_px,
                             );
@@ -333,7 +334,7 @@ fn join<S: Simd>([a, b, c, d]: [Vector<S, f32>; 4]) -> [Vector<S, f32>; 2] {
     [a + b + c, b - c - d]
 }
 
-/// `A' m A` of a vector of tiles, with shift and least value: two rows of pixels.
+/// `A' m A` of a vector of tiles, shifted, and above zero if there is a ReLU: two rows of pixels.
 ///
 /// # Safety
 /// A vector is readable at each element, `stride` apart; two vectors are writable at `to` and a row below.
@@ -341,7 +342,8 @@ fn join<S: Simd>([a, b, c, d]: [Vector<S, f32>; 4]) -> [Vector<S, f32>; 2] {
 unsafe fn write_outputs<S: Simd, const LANES: usize>(
     sums: *const f32,
     stride: usize,
-    [shift, least]: [f32; 2],
+    shift: f32,
+    has_relu: bool,
     to: *mut f32,
     width_px: usize,
 ) {
@@ -359,7 +361,9 @@ unsafe fn write_outputs<S: Simd, const LANES: usize>(
         let [even, odd] = join([a[dy], b[dy], c[dy], d[dy]]);
         let mut lanes = [[0f32; LANES]; 2];
         for (lanes, pixels) in lanes.iter_mut().zip([even, odd]) {
-            let pixels = (pixels + shift.splat()).max(least.splat());
+            let pixels = pixels + shift.splat();
+            // Only then: a maximum makes a number of what is none.
+            let pixels = if has_relu { pixels.max(0f32.splat()) } else { pixels };
             // SAFETY: LANES floats are a vector.
             unsafe { f32::vstore_unaligned(lanes.as_mut_ptr(), pixels) };
         }
