@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::gradient_tile::{LANES, PairSums, PairTile, ROWS};
-use super::pair_rows::{Rows, padded_pairs};
+use super::pair_rows::{ChannelRows, padded_pairs};
 use super::{BAND_BYTES, Shape};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
@@ -67,7 +67,8 @@ impl Kernel for Part<'_> {
             unsafe {
                 for (values, channels, pairs) in [(x, channels_in, x_pairs), (dy, channels_out, dy_pairs)] {
                     let values = &values[image * channels * height_px * width_px..];
-                    let rows = Rows { values, channels, height_px, width_px, first: y as isize, n_rows };
+                    let rows =
+                        ChannelRows { values, channels, height_px, width_px, first: y as isize, n_rows };
                     rows.pair::<1>(0, [1, width_px], a, pairs);
                 }
             }

@@ -11,7 +11,7 @@ pub(super) fn padded_pairs(n_pixels: usize) -> usize {
 }
 
 /// Neighbouring rows of several channels of an image.
-pub(super) struct Rows<'a> {
+pub(super) struct ChannelRows<'a> {
     /// The floats of the first channel and all behind it.
     pub values: &'a [f32],
     pub channels: usize,
@@ -22,7 +22,7 @@ pub(super) struct Rows<'a> {
     pub n_rows: usize,
 }
 
-impl Rows<'_> {
+impl ChannelRows<'_> {
     /// Row `row` of these; `None` outside of the image and beyond the last channel.
     #[inline(always)]
     pub fn of(&self, channel: usize, row: usize) -> Option<&[f32]> {

@@ -116,10 +116,10 @@ impl Part<'_> {
             let n_vectors = n_rows * row_vectors;
             let Scratch { a, b, c } = &mut *scratch;
             let n_steps = n_vectors.div_ceil(2);
-            let steps = Steps { shape, image, first_row, n_rows, row_vectors, n_steps, is_paired };
-            steps.turn::<S, true>(x, shape.channels_in, a, b);
-            steps.turn::<S, false>(dy, shape.channels_out, a, c);
-            steps.add::<S>(b, c, sums);
+            let band = TileBand { shape, image, first_row, n_rows, row_vectors, n_steps, is_paired };
+            band.turn::<S, true>(x, shape.channels_in, a, b);
+            band.turn::<S, false>(dy, shape.channels_out, a, c);
+            band.add::<S>(b, c, sums);
             row += n_rows;
         }
     }
@@ -127,7 +127,7 @@ impl Part<'_> {
 
 /// A band of tiles, in steps of two vectors, which are one of pairs.
 #[derive(Clone, Copy)]
-struct Steps {
+struct TileBand {
     shape: Shape,
     image: usize,
     first_row: usize,
@@ -138,7 +138,7 @@ struct Steps {
     is_paired: bool,
 }
 
-impl Steps {
+impl TileBand {
     /// Words that a step makes of a channel: tiles, or pairs of them.
     fn step_len(self) -> usize {
         if self.is_paired { LANES } else { TWO }

@@ -7,7 +7,7 @@
 use rayon::prelude::*;
 
 use super::gradient_tile::{self, PairTile, Tile};
-use super::pair_rows::{Rows, padded_pairs};
+use super::pair_rows::{ChannelRows, padded_pairs};
 use super::{BAND_BYTES, Shape, block_gradient, tile_gradient, uses_matrix_unit, uses_pairs};
 use crate::kernels::scratch::{Scratch, with_scratch};
 use crate::kernels::simd::{InstructionSet, Kernel, Simd};
@@ -172,10 +172,10 @@ impl Part<'_> {
 impl<'a> Part<'a> {
     /// The rows that output rows `y..y + n_rows` of one image read, of the task's input channels; and these.
     #[inline(always)]
-    fn rows(&self, image: usize, y: usize, n_rows: usize) -> (Rows<'a>, Rows<'a>) {
+    fn rows(&self, image: usize, y: usize, n_rows: usize) -> (ChannelRows<'a>, ChannelRows<'a>) {
         let Shape { channels_in, channels_out, height_px, width_px, stride, .. } = self.shape;
         let (out_height_px, out_width_px) = (self.shape.out_height_px(), self.shape.out_width_px());
-        let inputs = Rows {
+        let inputs = ChannelRows {
             values: &self.x[(image * channels_in + self.first_channel) * height_px * width_px..],
             channels: channels_in - self.first_channel,
             height_px,
@@ -183,7 +183,7 @@ impl<'a> Part<'a> {
             first: (y * stride) as isize - 1,
             n_rows: (n_rows - 1) * stride + 3,
         };
-        let outputs = Rows {
+        let outputs = ChannelRows {
             values: &self.dy[image * channels_out * out_height_px * out_width_px..],
             channels: channels_out,
             height_px: out_height_px,
@@ -205,7 +205,7 @@ impl<'a> Part<'a> {
         let (x_row, dy_row) = (blocks_in * 3 * vector, shape.channels_out.div_ceil(LANES) * vector);
         let (inputs, outputs) = self.rows(image, y, n_rows);
         // The last task may have fewer channels than blocks.
-        let inputs = Rows { channels: inputs.channels.min(blocks_in * LANES), ..inputs };
+        let inputs = ChannelRows { channels: inputs.channels.min(blocks_in * LANES), ..inputs };
         let Scratch { a, b, c } = &mut *self.scratch;
         let (x, dy) = (b.get(n_x_rows * x_row), c.get(n_rows * dy_row));
         // SAFETY: `is_paired` says that the CPU has pairs, in vectors of AVX-512.
@@ -239,7 +239,7 @@ impl<'a> Part<'a> {
     }
 }
 
-impl Rows<'_> {
+impl ChannelRows<'_> {
     /// Turns channels of one row innermost: `[block][padded_width][B]`, zero in the `lead` columns before the row, after
     /// it, outside of the image, and beyond the last channel.
     #[inline(always)]

@@ -272,7 +272,8 @@ impl Kernel for BackwardChannel<'_> {
         // The same expression as in the forward pass, so that both see the same sign.
         let passed = |x: f32, dy: f32| if normed(x) * gamma + beta > 0.0 { dy } else { 0.0 };
         let (mut g, mut gh) = (0.0, 0.0);
-        let [means, inverses, gammas, betas] = [mean, inverse, gamma, beta].map(|of| of.splat::<S>());
+        let (means, inverses) = (mean.splat::<S>(), inverse.splat());
+        let (gammas, betas) = (gamma.splat::<S>(), beta.splat());
         for (x, dy) in self.x.iter().zip(&self.dy) {
             let of_plane = sums::<S, LANES>(x, dy, |x, dy| {
                 let normed = (x - means) * inverses;
