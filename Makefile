@@ -11,8 +11,9 @@ XTASK = cargo run --release -p xtask --
 PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 
 RESULTS = runs/results
+ABLATIONS = runs/ablations
 
-.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals results report test ci book test-book check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals results ablations drives report test ci book test-book check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
@@ -60,12 +61,16 @@ demo: ## Everything, small: generate, label, train, score, draw; results in demo
 HEADLINE = $(if $(wildcard $(NETWORK)/run/model.safetensors),--headline $(NETWORK)/run \
     $(patsubst %/model.safetensors,--headline-again %,$(sort $(wildcard $(NETWORK)/seed-*/model.safetensors))))
 
-results: setup ## RESULTS.md and the report from nothing: data, every training, scores; hours, may be stopped and called again
-	$(XTASK) results --config configs/results.toml --out $(RESULTS) \
-	    $(if $(filter --headline --headline=% --headline-again%,$(ARGS)),,$(HEADLINE)) \
-	    $(ARGS)
+RESULTS_OF = $(XTASK) results $(if $(filter --headline --headline=% --headline-again%,$(ARGS)),,$(HEADLINE)) $(ARGS)
+
+results: setup ## RESULTS.md and the report of the network that ships, its seeds and rivals; after `make network`; may be stopped and called again
+	$(RESULTS_OF) --config configs/results.toml --out $(RESULTS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
+
+ablations: setup ## ABLATIONS.md from nothing: data, many short trainings, scores; hours, may be stopped and called again
+	$(RESULTS_OF) --config configs/ablations.toml --out $(ABLATIONS)
+	cp $(ABLATIONS)/RESULTS.md ABLATIONS.md
 
 # How the network inside the program came about; the same bytes on the CPU it was trained on (docs/detector.md).
 NETWORK = runs/network
@@ -102,6 +107,9 @@ network-rivals: network-data ## LiDAR alone and a closed set of kinds, trained a
 	$(BIN) calibrate $(NETWORK)/lidar --data $(NETWORK)/val
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/kinds $(SCHEDULE) $(CLOSED_SET)
 	$(BIN) calibrate $(NETWORK)/kinds --judge zone-expected --data $(NETWORK)/val
+
+drives: build ## The closed loop in drawn worlds and in the suite, as in docs/drive.md, after `make network-rivals`; hours, resumable; DRIVES_FINAL=1
+	@scripts/drives.sh
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.
 REPORT_RUN ?= small

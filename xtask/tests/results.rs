@@ -17,7 +17,7 @@ fn xtask(args: &[&str]) -> Command {
 }
 
 /// Rows of one branch, and of one stage, in little.
-fn experiment(folder: &Path) -> PathBuf {
+fn experiment(folder: &Path, given: &Path) -> PathBuf {
     let keys = |keys: &[&str]| {
         let quoted: Vec<String> = keys.iter().map(|key| format!("'{key}'")).collect();
         format!("[{}]", quoted.join(", "))
@@ -40,6 +40,12 @@ fn experiment(folder: &Path) -> PathBuf {
                { label = 'dark', row = 'one-stage', blind = 'camera' }, \
                { label = 'rule', row = 'kinds', judge = 'zone' }]\n";
     config += "questions = [{ row = 'dark', better = 'It sees.', worse = 'It sees.', level = 'It sees.' }]\n";
+    config += "[[side_by_side]]\ntitle = 'Guests'\nnote = 'A run that was given.'\nrows = [{ label = 'own', row = 'lidar' }, \
+               { label = 'guest', row = 'guest' }]\n";
+    config += "[[side_by_side]]\ntitle = 'Nobody'\nnote = 'A run that is not there.'\nrows = [{ label = 'own', row = 'lidar' }, \
+               { label = 'nobody', row = 'nobody' }]\n";
+    config += &format!("[[given]]\nname = 'guest'\nruns = ['{}']\n", text(given));
+    config += "[[given]]\nname = 'nobody'\nruns = ['not/there']\n";
     config += "[seeds]\nvalues = [7]\nrows = ['one-stage']\n";
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
@@ -55,8 +61,8 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let Fixture { id, ood, run, .. } = fixture();
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("results");
-    let config = experiment(folder.path());
     let again = folder.path().join("again");
+    let config = experiment(folder.path(), &again);
     let mut train = Command::new(program());
     train.args(["train", text(id), "--out", text(&again)]).args(TINY).args(["--set", "seed=5"]);
     succeed(&mut train);
@@ -66,7 +72,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
             .args(data)
             .args(["--headline-again", text(run)]),
     );
-    assert!(message.contains("two runs of the headline are from seed"), "{message}");
+    assert!(message.contains("two runs of `small` are from seed"), "{message}");
     let data = [&data[..], &["--headline-again", text(&again)]].concat();
     let args = [&["results", "--config", text(&config), "--out", text(&out)], data.as_slice()].concat();
     let document = || fs::read_to_string(out.join("RESULTS.md")).expect("tables are written");
@@ -94,11 +100,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
             && whole.contains("| by zone-soft | lidar |")
             && whole.contains("| zone over the closed set's boxes | kinds |")
             && whole.contains("| AP, mean of both | truths | cloud | dark | rule |")
+            && whole.contains("| AP, mean of both | truths | own | guest |")
             && whole.contains("It sees. (dark, against cloud: mean AP ")
             && whole.contains(", seeds ")
             && whole.contains("| seed 5 | mean | standard deviation |"),
         "{whole}"
     );
+    assert!(!whole.contains("Nobody"), "its run is not there: {whole}");
     assert!(!whole.contains("not trained yet") && !whole.contains("Not trained yet"), "{whole}");
     // One page of the headline's scores, faults and sweeps, and of the tables.
     let page = || fs::read_to_string(out.join("report.html")).expect("a page is written");
@@ -149,7 +157,17 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     // Split test is made and scored once, and answers from then on: in its towns, in a map by path, and in all of them.
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/crossroads.xodr");
     let maps = format!("test_maps=['{}', 'not/there.xodr']", text(&map));
-    let wanted = ["--set", "preset=demo", "--set", &maps, "--final", "--date", "2026-01-02"];
+    let wanted = [
+        "--set",
+        "preset=demo",
+        "--set",
+        "test_seed=1018",
+        "--set",
+        &maps,
+        "--final",
+        "--date",
+        "2026-01-02",
+    ];
     let report = [&args, wanted.as_slice()].concat();
     let kept = || -> Vec<PathBuf> {
         let files = fs::read_dir(out.join("scores")).expect("scores are kept");
@@ -173,8 +191,8 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
         }
         assert_eq!(
             kept().len(),
-            4,
-            "the headline, its other seed, their mean, and rows side by side: {:?}",
+            5,
+            "the headline, its other seed, their mean, and twice rows side by side: {:?}",
             kept()
         );
         for file in kept() {
@@ -185,6 +203,10 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
                 assert!(text.ends_with(' '), "made once: {}", file.display());
             }
         }
+    }
+    for set in ["test", "test-ood", "test-maps", "test-maps-ood"] {
+        let made = fs::read_to_string(out.join(set).join("gen.toml")).expect("the set was made");
+        assert!(made.contains("\nseed = 1018\n"), "{set}: {made}");
     }
     let results = Results::read(&out.join("results.json")).expect("results are kept");
     let rows = results.side_by_side[0].reported.as_ref().expect("rows side by side on split test");

@@ -26,13 +26,15 @@ pub fn blocks(results: &Results) -> Vec<Block> {
         Some(record) => blocks.extend(record_blocks(results, record)),
         None => blocks.push(Block::text("Not trained yet.")),
     }
-    blocks.push(Block::heading("Ablations"));
-    blocks.push(Block::text(
-        "A row is a training over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
-         Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). A row of several seeds shows \
-         their mean and each one's mean AP, and what the first took to train; of one seed, small differences tell nothing.",
-    ));
-    blocks.push(Block::code(results.common.join("\n")));
+    if !results.tables.is_empty() {
+        blocks.push(Block::heading("Ablations"));
+        blocks.push(Block::text(
+            "A row is a training over configs/train.toml with the keys below, a shorter schedule than that of the network above. \
+             Harmful events missed at 10 false alarms a kilometre, then mean AP (harmful / harmless). A row of several seeds shows \
+             their mean and each one's mean AP, and what the first took to train; of one seed, small differences tell nothing.",
+        ));
+        blocks.push(Block::code(results.common.join("\n")));
+    }
     for table in &results.tables {
         blocks.extend(ablation_blocks(results, table));
     }
@@ -328,5 +330,7 @@ mod tests {
         let text = markdown(&super::blocks(&results));
         assert!(text.contains("Not trained yet.") && text.contains("| not trained yet |"), "{text}");
         assert!(!text.contains("Who decides on harm"));
+        let text = markdown(&super::blocks(&Results { tables: Vec::new(), ..results }));
+        assert!(!text.contains("Ablations") && text.contains("Side by side"), "{text}");
     }
 }

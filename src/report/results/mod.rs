@@ -38,6 +38,9 @@ pub enum ReadResultsError {
 pub struct Results {
     /// Version of the program that wrote it.
     pub version: String,
+    /// Which target made it, from which config; empty in what older versions wrote.
+    #[serde(default)]
+    pub made_by: String,
     pub data: DataRecord,
     /// The headline's figures on split test; none until they are asked for.
     #[serde(default)]

@@ -60,6 +60,7 @@ pub fn test_results() -> Results {
     let keys = ["lidar_stage.epochs=3", "model.lidar.pillars.bev_channels=[16, 16]"];
     Results {
         version: "0.1.0".into(),
+        made_by: "make results, from configs/results.toml".into(),
         data: DataRecord {
             preset: "small".into(),
             id: set("a", [3000, 600, 0], true),

@@ -13,22 +13,34 @@ use harmzone::model::Classes;
 use harmzone::report::results::{QuestionConfig, TableConfig};
 use harmzone::train::TrainConfig;
 
-/// An experiment; `configs/results.toml` equals the default.
+/// An experiment; `configs/results.toml` equals the default, `configs/ablations.toml` is another.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ResultsConfig {
+    /// What `RESULTS.md` says that it was written by. Default: `make results`, from `configs/results.toml`.
+    #[serde(default = "made_by")]
+    pub made_by: String,
     /// Preset of `harmzone gen` for both sets.
     pub preset: String,
+    /// Seed of the drives of split test, in towns and maps. Default: the preset's.
+    #[serde(default)]
+    pub test_seed: Option<u64>,
     /// Maps in which split test is scored too, by path; what is not there is told and left out. Default: none.
     #[serde(default)]
     pub test_maps: Vec<PathBuf>,
     /// Name of the row above all tables: the network that ships. It stands alone, without the common keys.
     pub headline: RowConfig,
-    /// `key=value` over configs/train.toml for every other row; a row's own keys go over these.
+    /// `key=value` over configs/train.toml for every other row; a row's own keys go over these. Default: none.
+    #[serde(default)]
     pub common: Vec<String>,
-    /// One training each.
+    /// One training each. Default: none.
+    #[serde(default)]
     pub rows: Vec<RowConfig>,
+    #[serde(default)]
     pub tables: Vec<TableConfig>,
+    /// Finished runs that stand side by side with rows, and nowhere else. Default: none.
+    #[serde(default)]
+    pub given: Vec<GivenConfig>,
     /// Rows that are trained again from other seeds. Default: none.
     #[serde(default)]
     pub seeds: Option<SeedsConfig>,
@@ -42,6 +54,16 @@ pub struct ResultsConfig {
     /// Default: none.
     #[serde(default)]
     pub closed_set: Option<RowConfig>,
+}
+
+/// A training that is done, from one seed or several.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GivenConfig {
+    /// As of a row.
+    pub name: String,
+    /// Folders of its runs, which differ in their seed alone.
+    pub runs: Vec<PathBuf>,
 }
 
 /// Rows to train once more for each of some seeds.
@@ -71,7 +93,7 @@ pub struct SideBySideConfig {
 #[serde(deny_unknown_fields)]
 pub struct SeenRowConfig {
     pub label: String,
-    /// Name of the row; the closed set's, too, where a rule judges its boxes.
+    /// Name of the row, or of a given run; where that tells kinds, as the closed set does, a rule judges its boxes.
     pub row: String,
     /// The sensor that sees nothing. Default: none.
     #[serde(default)]
@@ -79,6 +101,10 @@ pub struct SeenRowConfig {
     /// Who decides on harm. Default: the network.
     #[serde(default = "network")]
     pub judge: Judge,
+}
+
+fn made_by() -> String {
+    "make results, from configs/results.toml".to_owned()
 }
 
 fn network() -> Judge {
@@ -131,40 +157,33 @@ impl ResultsConfig {
             trainings.push((row.name.clone(), row.training(common, is_taken)?));
         }
         let closed_set = self.closed_set_training()?;
-        let places = self.tables.iter().flat_map(|table| {
-            table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &trainings[1..]))
+        self.check_given()?;
+        let all: Vec<String> = trainings.iter().map(|(name, _)| name.clone()).collect();
+        let rows = all[1..].to_vec();
+        let closed_set_names = closed_set.iter().map(|(name, _)| name.clone());
+        let given = self.given.iter().map(|of| of.name.clone());
+        let beside: Vec<String> = all.iter().cloned().chain(closed_set_names).chain(given).collect();
+        let in_tables = self.tables.iter().flat_map(|table| {
+            table.rows.iter().map(|of| (format!("table `{}`", table.title), &of.row, &rows))
         });
-        let side_by_side = self.side_by_side.iter().flat_map(|of| {
-            let rows = of.rows.iter().filter(|seen| !self.is_closed_set(&seen.row));
-            rows.map(|row| (format!("side_by_side `{}`", of.title), &row.row, &trainings[..]))
+        let in_side_by_side = self.side_by_side.iter().flat_map(|of| {
+            of.rows.iter().map(|row| (format!("side_by_side `{}`", of.title), &row.row, &beside))
         });
-        let rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &trainings[..]));
-        for (place, row, valid) in places.chain(side_by_side).chain(rivals) {
+        let in_rivals = self.rivals.iter().map(|of| (format!("rivals `{}`", of.label), &of.row, &all));
+        for (place, row, valid) in in_tables.chain(in_side_by_side).chain(in_rivals) {
             ensure!(
-                valid.iter().any(|(name, _)| name == row),
+                valid.contains(row),
                 "results config: {place} names row `{row}`; there are: {}",
-                valid.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")
+                valid.join(", ")
             );
-        }
-        let all: Vec<&(String, TrainConfig)> = trainings.iter().chain(&closed_set).collect();
-        for of in &self.side_by_side {
-            let asked =
-                of.rows.iter().find(|seen| self.is_closed_set(&seen.row) && seen.judge.asks_the_network());
-            if let Some(seen) = asked {
-                bail!(
-                    "results config: side_by_side `{}` asks row `{}` for harm, but a closed set tells kinds; give it a judge of boxes \
-                     alone, such as zone-expected",
-                    of.title,
-                    seen.row
-                );
-            }
-            check_side_by_side(of, &all)?;
         }
         if let Some((name, _)) =
             trainings.iter().find(|(_, config)| config.model.head.classes == Classes::Kind)
         {
             bail!("row `{name}` tells kinds, not harm; the closed set is the place of such a network");
         }
+        let known = trainings.iter().chain(&closed_set).map(|(name, config)| (name.as_str(), config));
+        self.check_side_by_side(&known.collect::<Vec<_>>())?;
         self.repeats_of(&trainings)?;
         Ok(trainings)
     }
@@ -205,8 +224,31 @@ impl ResultsConfig {
         Ok(repeats)
     }
 
-    fn is_closed_set(&self, row: &str) -> bool {
-        self.closed_set.as_ref().is_some_and(|of| of.name == row)
+    /// Each given training has a run, and a name of its own.
+    fn check_given(&self) -> anyhow::Result<()> {
+        let others = self.rows.iter().chain([&self.headline]).chain(&self.closed_set).map(|row| &row.name);
+        let others: Vec<&String> = others.collect();
+        for (i, GivenConfig { name, runs }) in self.given.iter().enumerate() {
+            let is_taken = others.contains(&name) || self.given[..i].iter().any(|other| other.name == *name);
+            ensure!(
+                is_word(name) && !is_taken,
+                "results config: given `{name}`; letters, digits, `-` and `_` are needed, each name once"
+            );
+            ensure!(
+                !runs.is_empty(),
+                "results config: given `{name}` has no run; one or more are needed, e.g. runs = [\"runs/{name}\"]"
+            );
+        }
+        Ok(())
+    }
+
+    /// That the rows side by side can be asked what they are asked, as far as their trainings are known; those that are given are so
+    /// once they are read.
+    ///
+    /// # Errors
+    /// Names the rows that do not fit.
+    pub fn check_side_by_side(&self, trainings: &[(&str, &TrainConfig)]) -> anyhow::Result<()> {
+        self.side_by_side.iter().try_for_each(|of| check_side_by_side(of, trainings))
     }
 
     /// The closed set's training, if there is one.
@@ -226,8 +268,9 @@ impl ResultsConfig {
     }
 }
 
-/// Two rows or more, each with a label of its own, and no sensor blinded that the network does not have.
-fn check_side_by_side(of: &SideBySideConfig, trainings: &[&(String, TrainConfig)]) -> anyhow::Result<()> {
+/// Two rows or more, each with a label of its own, none blinded in a sensor that its network does not have, and none asked for harm
+/// that tells kinds.
+fn check_side_by_side(of: &SideBySideConfig, trainings: &[(&str, &TrainConfig)]) -> anyhow::Result<()> {
     let title = &of.title;
     ensure!(
         of.rows.len() >= 2,
@@ -237,12 +280,19 @@ fn check_side_by_side(of: &SideBySideConfig, trainings: &[&(String, TrainConfig)
     for (i, row) in of.rows.iter().enumerate() {
         let is_new = of.rows[..i].iter().all(|other| other.label != row.label);
         ensure!(is_new, "results config: side_by_side `{title}` has two rows called `{}`", row.label);
-        let model = trainings.iter().find(|(name, _)| *name == row.row).map(|(_, config)| &config.model);
-        let sees = model.is_some_and(|model| match row.blind {
+        let training = trainings.iter().find(|(name, _)| *name == row.row).map(|(_, config)| *config);
+        let Some(TrainConfig { model, .. }) = training else { continue };
+        ensure!(
+            model.head.classes != Classes::Kind || !row.judge.asks_the_network(),
+            "results config: side_by_side `{title}` asks row `{}` for harm, but a closed set tells kinds; give it a judge of boxes \
+             alone, such as zone-expected",
+            row.row
+        );
+        let sees = match row.blind {
             Some(Sensor::Camera) => model.use_camera,
             Some(Sensor::Lidar) => model.use_lidar,
             None => true,
-        });
+        };
         ensure!(
             sees,
             "results config: side_by_side `{title}` blinds a sensor of row `{}` that its network does not have",
@@ -267,14 +317,16 @@ pub fn repeat_name(row: &str, seed: u64) -> String {
     format!("{row}-seed-{seed}")
 }
 
+fn is_word(name: &str) -> bool {
+    !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_')
+}
+
 impl RowConfig {
     /// The training with the common keys and, over them, the row's own.
     fn training(&self, common: &[String], is_taken: bool) -> anyhow::Result<TrainConfig> {
         let Self { name, set } = self;
-        let is_word =
-            !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '-' || c == '_');
         ensure!(
-            is_word && !is_taken,
+            is_word(name) && !is_taken,
             "results config: row name `{name}`; letters, digits, `-` and `_` are needed, each name once"
         );
         let training = config::with_overrides(&TrainConfig::default(), &[common, set].concat())
@@ -289,9 +341,61 @@ mod tests {
     use super::*;
     use harmzone::model::NumericFusion;
 
+    fn ablations() -> ResultsConfig {
+        toml::from_str(include_str!("../../../configs/ablations.toml")).unwrap()
+    }
+
     #[test]
-    fn the_shipped_rows_are_the_ablations_and_see_each_sample_equally_often() {
+    fn what_ships_stands_beside_its_rivals_and_every_judge_of_boxes_is_told() {
         let config = ResultsConfig::default();
+        let trainings = config.trainings().unwrap();
+        assert_eq!(trainings.len(), 1, "nothing is trained but the headline, where it is not given");
+        assert_eq!(trainings[0].1, TrainConfig::default());
+        let given: Vec<&str> = config.given.iter().map(|of| of.name.as_str()).collect();
+        assert_eq!(given, ["lidar", "kinds"]);
+        let beside =
+            |name: &str| config.side_by_side.iter().any(|of| of.rows.iter().any(|row| row.row == name));
+        assert!(given.iter().all(|name| beside(name)));
+        assert!(!ablations().trainings().unwrap().is_empty());
+    }
+
+    #[test]
+    fn a_given_run_has_a_name_of_its_own_and_is_asked_what_it_can_tell() {
+        let wrong = |change: fn(&mut ResultsConfig)| {
+            let mut config = ResultsConfig::default();
+            change(&mut config);
+            format!("{:#}", config.trainings().unwrap_err())
+        };
+        let message = wrong(|config| config.given[1].name = "lidar".into());
+        assert!(message.contains("given `lidar`") && message.contains("each name once"), "{message}");
+        let message = wrong(|config| config.given[0].name = "small".into());
+        assert!(message.contains("given `small`"), "{message}");
+        let message = wrong(|config| config.given[0].runs.clear());
+        assert!(message.contains("given `lidar` has no run"), "{message}");
+        let message = wrong(|config| config.side_by_side[0].rows[0].row = "radar".into());
+        assert!(message.contains("names row `radar`; there are: small, lidar, kinds"), "{message}");
+        // Once they are read.
+        let config = ResultsConfig::default();
+        let small = TrainConfig::default();
+        let mut kinds = small.clone();
+        kinds.model.head.classes = Classes::Kind;
+        let mut lidar = small.clone();
+        lidar.model.use_camera = false;
+        let known = [("small", &small), ("lidar", &lidar), ("kinds", &kinds)];
+        config.check_side_by_side(&known).unwrap();
+        let mut asked = config.clone();
+        asked.side_by_side[1].rows[0].judge = Judge::Network;
+        let message = asked.check_side_by_side(&known).unwrap_err().to_string();
+        assert!(message.contains("asks row `kinds` for harm"), "{message}");
+        let mut blinded = config;
+        blinded.side_by_side[0].rows[0].blind = Some(Sensor::Camera);
+        let message = blinded.check_side_by_side(&known).unwrap_err().to_string();
+        assert!(message.contains("blinds a sensor of row `lidar`"), "{message}");
+    }
+
+    #[test]
+    fn the_rows_are_the_ablations_and_see_each_sample_equally_often() {
+        let config = ablations();
         let trainings = config.trainings().unwrap();
         assert_eq!(trainings[0].1, TrainConfig::default(), "the headline is what `harmzone train` does");
         let of = |name: &str| &trainings.iter().find(|(n, _)| n == name).unwrap().1;
@@ -327,7 +431,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_is_named() {
         let wrong = |change: fn(&mut ResultsConfig)| {
-            let mut config = ResultsConfig::default();
+            let mut config = ablations();
             change(&mut config);
             format!("{:#}", config.trainings().unwrap_err())
         };
@@ -347,7 +451,7 @@ mod tests {
         assert!(message.contains("blinds") && message.contains("lidar"), "{message}");
         let seeds = |values: &[u64], row: &str| {
             let seeds = Some(SeedsConfig { values: values.to_vec(), rows: vec![row.to_owned()] });
-            let config = ResultsConfig { seeds, ..ResultsConfig::default() };
+            let config = ResultsConfig { seeds, ..ablations() };
             format!("{:#}", config.trainings().unwrap_err())
         };
         assert!(seeds(&[1], "radar").contains("radar") && seeds(&[1], "radar").contains("lidar"));

@@ -73,6 +73,7 @@ pub fn prepare_to_report(
 ) -> anyhow::Result<()> {
     let preset = Preset::named(&request.config.preset).expect("the config was checked");
     let (mut config, n_episodes) = preset::load(Some(preset), Some(SceneSplit::Test), is_ood, None, &[])?;
+    config.seed = request.config.test_seed.unwrap_or(config.seed);
     if let Some(maps) = maps {
         config.towns = maps.iter().map(|map| map.display().to_string()).collect();
     }

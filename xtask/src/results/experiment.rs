@@ -8,7 +8,7 @@ use burn::tensor::Device;
 use fs_err as fs;
 use serde::de::DeserializeOwned;
 
-use super::config::repeat_name;
+use super::config::{GivenConfig, repeat_name};
 use super::data::LABELS;
 use super::request::Request;
 use harmzone::config::{Checked, differences};
@@ -128,37 +128,50 @@ impl<'a> Experiment<'a> {
         })
     }
 
-    /// Runs of the headline's training from other seeds.
+    /// Finished runs, the first as a row, the others as its repeats.
     ///
     /// # Errors
-    /// A run is not finished, or differs from the headline in more than its seed or not even in that.
-    pub fn headline_repeats(&self, headline: &Row) -> anyhow::Result<Vec<Row>> {
+    /// As [`Self::repeats`], of the first run, too.
+    pub fn given_rows(&self, of: &GivenConfig) -> anyhow::Result<Vec<Row>> {
+        let (first, again) = of.runs.split_first().expect("the config was checked");
+        let row = self.given(&of.name, first)?;
+        let again = self.repeats(&row, again)?;
+        Ok(std::iter::once(row).chain(again).collect())
+    }
+
+    /// Finished runs of a row's training from other seeds.
+    ///
+    /// # Errors
+    /// A run is not finished, or differs from the row in more than its seed or not even in that.
+    pub fn repeats(&self, of: &Row, runs: &[PathBuf]) -> anyhow::Result<Vec<Row>> {
         let mut repeats: Vec<Row> = Vec::new();
-        for run in &self.request.headline_repeats {
+        for run in runs {
             let row = self.given("", run)?;
-            let expected = TrainConfig { seed: row.config.seed, ..headline.config.clone() };
+            let expected = TrainConfig { seed: row.config.seed, ..of.config.clone() };
             ensure!(
                 row.config == expected,
-                "this run is not the headline's training from another seed, it has {} where the headline has {}: {}",
+                "this run is not the training of `{}` from another seed, it has {} where `{0}` has {}: {}",
+                of.name,
                 differences(&expected, &row.config).join(", "),
                 differences(&row.config, &expected).join(", "),
                 run.display()
             );
             ensure!(
-                row.learned_from == headline.learned_from,
-                "this run is not the headline's training from another seed, it learned from other data: {}",
+                row.learned_from == of.learned_from,
+                "this run is not the training of `{}` from another seed, it learned from other data: {}",
+                of.name,
                 run.display()
             );
             let seed = row.config.seed;
-            let is_taken =
-                seed == headline.config.seed || repeats.iter().any(|other| other.config.seed == seed);
+            let is_taken = seed == of.config.seed || repeats.iter().any(|other| other.config.seed == seed);
             ensure!(
                 !is_taken,
-                "two runs of the headline are from seed {seed}; one is enough: {}",
+                "two runs of `{}` are from seed {seed}; one is enough: {}",
+                of.name,
                 run.display()
             );
-            let name = repeat_name(&headline.name, seed);
-            repeats.push(Row { name, ..row.repeating(&headline.name) });
+            let name = repeat_name(&of.name, seed);
+            repeats.push(Row { name, ..row.repeating(&of.name) });
         }
         Ok(repeats)
     }

@@ -12,10 +12,12 @@ use super::side_by_side::Asked;
 use super::split_test::SplitTest;
 use super::{closed_set, data, reported, score, write};
 use harmzone::model::Classes;
+use harmzone::model::checkpoint::CHECKPOINT;
 use harmzone::progress::Progress;
 use harmzone::report::results::{
     DataRecord, JudgeScores, Record, Repeat, ReportedRecord, Results, RivalRecord, SeedMeans,
 };
+use harmzone::train::TrainConfig;
 
 /// Runs an experiment, or what is left of it; a row that is done is not done again, a training that was broken off
 /// goes on.
@@ -38,6 +40,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     let experiment = Experiment::new(request, fingerprints, [&id_path, &ood_path], device, progress);
     let mut results = Results {
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        made_by: request.config.made_by.clone(),
         data: DataRecord { preset: request.config.preset.clone(), id, ood },
         reported: None,
         reported_repeats: Vec::new(),
@@ -53,13 +56,28 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     };
     let rows = trainings.iter().enumerate().map(|(i, (name, config))| experiment.row(name, config, i == 0));
     let mut rows: Vec<Row> = rows.collect::<anyhow::Result<_>>()?;
-    rows.extend(experiment.headline_repeats(&rows[0])?);
+    rows.extend(experiment.repeats(&rows[0], &request.headline_repeats)?);
     for (of, (name, config)) in &repeats {
         rows.push(experiment.row(name, config, false)?.repeating(of));
     }
     if let Some((name, config)) = &closed_set {
         rows.push(experiment.row(name, config, false)?);
     }
+    // What is given stands side by side with others alone, and is scored there.
+    let n_scored = rows.len();
+    for of in &request.config.given {
+        if let Some(absent) = of.runs.iter().find(|run| !run.join(CHECKPOINT).is_file()) {
+            tracing::warn!(
+                "this run is not there or not finished, and what is to stand beside `{}` is left out: {}",
+                of.name,
+                absent.display()
+            );
+            continue;
+        }
+        rows.extend(experiment.given_rows(of)?);
+    }
+    let known: Vec<(&str, &TrainConfig)> = rows.iter().map(|row| (row.name.as_str(), &row.config)).collect();
+    request.config.check_side_by_side(&known)?;
     let found = Found::default();
     let test = SplitTest::new(&experiment, &found);
     for (number, config) in request.config.side_by_side.iter().enumerate() {
@@ -67,7 +85,7 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
             Asked { experiment: &experiment, number, config, rows: &rows, found: &found, test: &test };
         results.side_by_side.extend(asked.read()?);
     }
-    for row in &rows {
+    for row in &rows[..n_scored] {
         let is_closed_set = row.config.model.head.classes == Classes::Kind;
         let scores = if is_closed_set && row.repeats.is_some() {
             // It stands side by side with others alone.

@@ -47,7 +47,7 @@ pub fn write(results: &Results, out: &Path, card: Option<&Path>) -> anyhow::Resu
 
 /// `RESULTS.md`.
 fn to_text(results: &Results) -> String {
-    let written = "Written by make results, which generates, trains and scores all of it; configs/results.toml has the rows.";
+    let written = format!("Written by {}.", results.made_by);
     let blocks = [vec![Block::text(written)], blocks(results)].concat();
     let title = if results.has_reported() { "Results" } else { "Results: development figures" };
     format!("# {title}\n\n{}", markdown(&blocks))
