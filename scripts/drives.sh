@@ -38,7 +38,7 @@ print(chosen["braking_score"]["score"], chosen["operating_score"]["score"], sep=
 }
 zone=$(scores zone small)
 kinds=$(scores zone-expected "$network/kinds")
-who=(blind truth small "zone:small@$zone" "lidar=$network/lidar" "kinds=zone-expected:$network/kinds@$kinds")
+who=(blind truth small "zone=zone:small@$zone" "lidar=$network/lidar" "kinds=zone-expected:$network/kinds@$kinds")
 echo "drivers: ${who[*]}" >&2
 
 "$bin" drive "${who[@]}" "${worlds[@]}" --record-worst 10 --out "$out/worlds"
