@@ -25,13 +25,24 @@ fn experiment(folder: &Path, given: &Path) -> PathBuf {
     let tiny: Vec<&str> = TINY.iter().copied().filter(|&key| key != "--set").collect();
     let file = folder.join("results.toml");
     let rows = [
-        ("lidar", ["model.use_camera=false", "fused_stage.epochs=0", "lidar_stage.schedule=cyclic"]),
-        ("camera", ["model.use_lidar=false", "lidar_stage.epochs=0", "fused_stage.schedule=warmup_cosine"]),
-        ("one-stage", ["lidar_stage.epochs=0", "fused_stage.epochs=1", "model.head.numeric_fusion=paper"]),
+        ("lidar", vec!["model.use_camera=false", "fused_stage.epochs=0", "lidar_stage.schedule=cyclic"]),
+        (
+            "camera",
+            vec!["model.use_lidar=false", "lidar_stage.epochs=0", "fused_stage.schedule=warmup_cosine"],
+        ),
+        (
+            "one-stage",
+            vec![
+                "lidar_stage.epochs=0",
+                "fused_stage.epochs=1",
+                "model.head.numeric_fusion=paper",
+                "model.head.judge=both",
+            ],
+        ),
     ];
     let mut config = format!("preset = 'small'\ncommon = {}\nheadline = {{ name = 'small' }}\n", keys(&tiny));
-    for (name, set) in rows {
-        config += &format!("[[rows]]\nname = '{name}'\nset = {}\n", keys(&set));
+    for (name, set) in &rows {
+        config += &format!("[[rows]]\nname = '{name}'\nset = {}\n", keys(set));
     }
     config += "[[tables]]\ntitle = 'Branches'\nnote = 'One each.'\nrows = [";
     config += &rows.map(|(name, _)| format!("{{ label = 'with {name}', row = '{name}' }}")).join(", ");
@@ -41,7 +52,7 @@ fn experiment(folder: &Path, given: &Path) -> PathBuf {
                { label = 'rule', row = 'kinds', judge = 'zone' }]\n";
     config += "questions = [{ row = 'dark', better = 'It sees.', worse = 'It sees.', level = 'It sees.' }]\n";
     config += "[[side_by_side]]\ntitle = 'Guests'\nnote = 'A run that was given.'\nrows = [{ label = 'own', row = 'lidar' }, \
-               { label = 'guest', row = 'guest' }]\n";
+               { label = 'guest', row = 'guest' }, { label = 'both', row = 'one-stage' }]\n";
     config += "[[side_by_side]]\ntitle = 'Nobody'\nnote = 'A run that is not there.'\nrows = [{ label = 'own', row = 'lidar' }, \
                { label = 'nobody', row = 'nobody' }]\n";
     config += &format!("[[given]]\nname = 'guest'\nruns = ['{}']\n", text(given));
@@ -100,7 +111,7 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
             && whole.contains("| by zone-soft | lidar |")
             && whole.contains("| zone over the closed set's boxes | kinds |")
             && whole.contains("| AP, mean of both | truths | cloud | dark | rule |")
-            && whole.contains("| AP, mean of both | truths | own | guest |")
+            && whole.contains("| AP, mean of both | truths | own | guest | both |")
             && whole.contains("It sees. (dark, against cloud: mean AP ")
             && whole.contains(", seeds ")
             && whole.contains("| seed 5 | mean | standard deviation |"),
@@ -223,6 +234,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     let mean = means.groups[2].ood.mean[0].figures[0].value.expect("a mean");
     assert!((mean - of_seeds.iter().sum::<f64>() / 2.0).abs() < 1e-12, "{mean} of {of_seeds:?}");
     assert_eq!(means.groups[2].ood.n_episodes, all.ood.n_episodes, "no two sets share an episode's name");
+    // Boxes that are judged beside others are judged as the network does itself.
+    let again = results.repeats.iter().map(|of| &of.record);
+    let runs = results.rows.iter().chain(again).filter(|of| of.name.starts_with("one-stage"));
+    let of_runs: Vec<f64> = runs.filter_map(|of| of.ood.total.mean).collect();
+    let mean = results.side_by_side[1].of.mean[0].figures[2].value.expect("a mean");
+    assert_eq!(of_runs.len(), 2);
+    assert!((mean - of_runs.iter().sum::<f64>() / 2.0).abs() < 1e-12, "{mean} of {of_runs:?}");
     let boxes = fs::read_dir(out.join("report/test-maps-ood")).expect("a scoring");
     let boxes = boxes.filter(|file| text(&file.as_ref().expect("a file").path()).contains("/boxes-"));
     assert!(boxes.count() >= 4, "of two seeds and of the rows side by side");
