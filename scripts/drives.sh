@@ -13,12 +13,13 @@ bin=${CARGO_TARGET_DIR:-target}/release/harmzone
 network=${NETWORK:-runs/network}
 out=${DRIVES_OUT:-runs/drives}
 worlds=(--preset small --ood --episodes 300 --seed 77001)
-test_worlds=(--preset small --ood --episodes 150)
+test_worlds=(--preset small --ood --episodes 150 --split test --final)
 suite=(--scenarios suite)
 if [ "${DRIVES_TOY:-0}" = 1 ]; then
     out=${DRIVES_OUT:-runs/drives-toy}
     worlds=(--preset small --ood --episodes 2 --seed 77001 --set seconds=3)
-    test_worlds=(--preset small --ood --episodes 2 --set seconds=3)
+    # What is for reporting is not for trying.
+    test_worlds=("${worlds[@]}")
     suite=(--scenarios scenarios/bag_beside_1.toml)
 fi
 
@@ -44,5 +45,5 @@ echo "drivers: ${who[*]}" >&2
 "$bin" drive "${who[@]}" "${worlds[@]}" --record-worst 10 --out "$out/worlds"
 "$bin" drive "${who[@]}" "${suite[@]}" --no-record --out "$out/suite"
 if [ "${DRIVES_FINAL:-0}" = 1 ]; then
-    "$bin" drive "${who[@]}" "${test_worlds[@]}" --split test --final --no-record --out "$out/test"
+    "$bin" drive "${who[@]}" "${test_worlds[@]}" --no-record --out "$out/test"
 fi
