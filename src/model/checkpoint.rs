@@ -34,8 +34,9 @@ const VERSION_KEY: &str = "harmzone.format";
 const VERSION: &str = "1";
 
 /// Keys of the model that came after the first checkpoints, and what is their like.
-const BEFORE_KEYS: [(&[&str], &str); 6] = [
+const BEFORE_KEYS: [(&[&str], &str); 7] = [
     (&["lidar", "pillars", "ground"], "false"),
+    (&["lidar", "drops", "left_out"], "\"never\""),
     (&["camera", "cnn", "paint_channels"], "0"),
     (&["head", "heatmap_power"], "1.0"),
     (&["head", "look_pillars"], "0"),
@@ -178,7 +179,9 @@ fn read_model(text: &str) -> Result<ModelConfig, toml::de::Error> {
     let mut found: toml::Table = text.parse()?;
     for (path, before) in BEFORE_KEYS {
         let [tables @ .., key] = path else { unreachable!("a path has a key") };
-        let table = tables.iter().try_fold(&mut found, |table, name| table.get_mut(*name)?.as_table_mut());
+        let table = tables.iter().try_fold(&mut found, |table, name| {
+            table.entry(*name).or_insert_with(|| toml::Table::new().into()).as_table_mut()
+        });
         if let Some(table) = table.filter(|table| !table.contains_key(*key)) {
             table.insert((*key).to_owned(), before.parse().expect("a value"));
         }

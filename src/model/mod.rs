@@ -38,10 +38,10 @@ pub use camera::{
     SwinCameraBatch, SwinCameraBranch, SwinCameraInput, n_paint_pixels,
 };
 pub use config::{
-    BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, GridConfig,
-    HeadConfig, HeadJudge, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig, ModelConfig, NumericFusion,
-    PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig, SwinCameraConfig, SwinConfig, Upsample,
-    VoxelConfig,
+    BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, DropsConfig,
+    DropsLeftOut, GridConfig, HeadConfig, HeadJudge, Heatmap, LidarConfig, LidarEncoder, LidarVoxelConfig,
+    ModelConfig, NumericFusion, PillarConfig, PositionEncoding, Prediction, SparseEncoderConfig,
+    SwinCameraConfig, SwinConfig, Upsample, VoxelConfig,
 };
 pub use detector::Detector;
 pub use head::{KindBox, Output, Query, coder, detections, detections_by_state, kind_boxes};

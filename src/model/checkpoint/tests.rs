@@ -1,7 +1,7 @@
 //! What a checkpoint gives back, and what is refused.
 
 use super::*;
-use crate::model::HeadJudge;
+use crate::model::{DropsLeftOut, HeadJudge};
 
 #[test]
 fn a_checkpoint_gives_back_the_same_bytes_and_config() {
@@ -129,6 +129,11 @@ fn what_a_checkpoint_does_not_name_its_network_does_not_have() {
     assert!(!read.lidar.pillars.ground && !read.head.spread && read.camera.cnn.paint_channels == 0);
     assert_eq!((read.head.look_pillars, read.head.heatmap_power), (0, 1.0));
     assert_eq!(read.head.judge, HeadJudge::Network);
+    assert_eq!(read.lidar.drops.left_out, DropsLeftOut::Never);
+    let mut without: toml::Table = crate::config::to_toml(&ModelConfig::default()).parse().unwrap();
+    assert!(without["lidar"].as_table_mut().unwrap().remove("drops").is_some());
+    let read = read_model(&without.to_string()).unwrap();
+    assert_eq!(read.lidar.drops.left_out, DropsLeftOut::Never, "of a table that is not there");
     let whole = crate::config::to_toml(&ModelConfig::default());
     assert_eq!(read_model(&whole).unwrap(), ModelConfig::default());
 }

@@ -46,11 +46,53 @@ impl PillarConfig {
     }
 }
 
+/// Where points that are taken for drops are left out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DropsLeftOut {
+    /// Nowhere: as published.
+    Never,
+    /// Where the network detects; training sees them.
+    InDetection,
+    /// In training, too.
+    Always,
+}
+
+impl DropsLeftOut {
+    /// Whether they are left out here.
+    #[must_use]
+    pub fn applies(self, in_training: bool) -> bool {
+        match self {
+            Self::Never => false,
+            Self::InDetection => !in_training,
+            Self::Always => true,
+        }
+    }
+}
+
+define_config! {
+    /// Points that are taken for drops of rain and fog: near, dim and alone. They hide what stands behind and below them.
+    #[derive(Copy)]
+    pub struct DropsConfig {
+        /// Where they are left out: `never`, `in_detection` (training sees them) or `always`. Default in_detection; published: never.
+        left_out: DropsLeftOut = DropsLeftOut::InDetection;
+        /// Drops are nearer than this to the LiDAR, in metres.
+        range_m: f64 = 10.0, in from_to(0.0, 100.0);
+        /// Intensity of the brightest drops, of 255.
+        most_intensity: f64 = 1.0, in from_to(0.0, 255.0);
+        /// A point with so many others around it is no drop.
+        n_neighbours: usize = 4, in from_to(0.0, 1000.0);
+        /// How far around, in metres.
+        radius_m: f64 = 0.2, in from_to(0.01, 10.0);
+    }
+}
+
 define_config! {
     /// The LiDAR branch; the encoder that is not chosen is ignored.
     pub struct LidarConfig {
         /// What makes a map of the cloud.
         encoder: LidarEncoder = LidarEncoder::Pillars;
+        drops: DropsConfig = DropsConfig::default(), in part::<DropsConfig>();
         pillars: PillarConfig = PillarConfig::default(), in part::<PillarConfig>();
         voxel: LidarVoxelConfig = LidarVoxelConfig::default(), in part::<LidarVoxelConfig>();
     }

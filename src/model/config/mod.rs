@@ -23,7 +23,7 @@ pub use camera::{CameraBackbone, CameraConfig, CnnConfig};
 pub use depth_lss::DepthLssConfig;
 pub use grid::GridConfig;
 pub use head::{Classes, HeadConfig, HeadJudge, Heatmap, NumericFusion, PositionEncoding, Prediction};
-pub use lidar::{LidarConfig, LidarEncoder, PillarConfig};
+pub use lidar::{DropsConfig, DropsLeftOut, LidarConfig, LidarEncoder, PillarConfig};
 pub use sparse_encoder::{SparseEncoderConfig, SparseKernel};
 pub use swin::{N_STAGES, SwinConfig};
 pub use swin_camera::SwinCameraConfig;

@@ -1,5 +1,6 @@
 //! The LiDAR branch: from points in the ego frame to a bird's-eye map, by pillars or by voxels.
 
+mod drops;
 mod ground;
 mod pillar_branch;
 mod pillars;

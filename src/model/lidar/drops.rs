@@ -1,0 +1,144 @@
+//! Drops of rain and fog in a cloud: points that are near, dim and alone.
+//!
+//! Water in the air sends back little light, and only from near the LiDAR; what answers there and is no water has
+//! neighbours, or is brighter. After LIOR (Park, Kim, Kim, "Fast and Accurate Desnowing Algorithm for LiDAR Point
+//! Clouds", IEEE Access 8, 2020), which asks for intensity first and lets neighbours plead for a dim point.
+
+use std::ops::RangeInclusive;
+
+use crate::model::config::DropsConfig;
+use crate::sample::LidarPoint;
+
+/// Bits of a key for each axis: cells on either side of the LiDAR up to half of what they count to.
+const AXIS_BITS: u32 = 20;
+
+impl DropsConfig {
+    /// Whether each point is taken for a drop; x, y and z are in the LiDAR's frame.
+    #[must_use]
+    pub fn among(&self, points: &[LidarPoint]) -> Vec<bool> {
+        let mut are_drops = vec![false; points.len()];
+        let is_dim = |p: &LidarPoint| {
+            f64::from(p.intensity) <= self.most_intensity
+                && range_m(p) < self.range_m
+                && self.n_neighbours > 0
+        };
+        if !points.iter().any(is_dim) {
+            return are_drops;
+        }
+        let reach_m = self.range_m + self.radius_m;
+        let mut by_cell: Vec<(u64, u32)> = points
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| range_m(p) < reach_m)
+            .map(|(i, p)| (key(self.cell_of(p)), i as u32))
+            .collect();
+        by_cell.sort_unstable();
+        for &(_, i) in &by_cell {
+            let p = &points[i as usize];
+            are_drops[i as usize] = is_dim(p) && !self.has_neighbours(p, points, &by_cell);
+        }
+        are_drops
+    }
+
+    /// Whether enough points stand around one of them.
+    fn has_neighbours(&self, p: &LidarPoint, points: &[LidarPoint], by_cell: &[(u64, u32)]) -> bool {
+        // The point itself is found, too.
+        let mut n_missing = self.n_neighbours + 1;
+        let [x, y, z] = self.cell_of(p);
+        // Most have enough in their own column.
+        for (dx, dy) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1)] {
+            let column = key([x + dx, y + dy, z - 1])..=key([x + dx, y + dy, z + 1]);
+            for &(_, other) in within(by_cell, &column) {
+                let near = distance_m(p, &points[other as usize]) <= self.radius_m;
+                n_missing -= usize::from(near);
+                if n_missing == 0 {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Cell of a lattice whose side is the radius, so that neighbours lie in the cells around.
+    fn cell_of(&self, p: &LidarPoint) -> [i64; 3] {
+        [p.x_m, p.y_m, p.z_m].map(|at_m| (f64::from(at_m) / self.radius_m).floor() as i64)
+    }
+}
+
+/// Cells in order: those of a column follow each other.
+fn key(cell: [i64; 3]) -> u64 {
+    cell.iter().fold(0, |key, &at| (key << AXIS_BITS) | (at + (1 << (AXIS_BITS - 1))) as u64)
+}
+
+/// The part of a sorted list whose keys lie in a range.
+fn within<'a>(by_cell: &'a [(u64, u32)], keys: &RangeInclusive<u64>) -> &'a [(u64, u32)] {
+    let from = by_cell.partition_point(|(key, _)| key < keys.start());
+    let n = by_cell[from..].iter().take_while(|(key, _)| key <= keys.end()).count();
+    &by_cell[from..from + n]
+}
+
+fn range_m(p: &LidarPoint) -> f64 {
+    let [x_m, y_m, z_m] = [p.x_m, p.y_m, p.z_m].map(f64::from);
+    x_m.hypot(y_m).hypot(z_m)
+}
+
+fn distance_m(a: &LidarPoint, b: &LidarPoint) -> f64 {
+    let [x_m, y_m, z_m] = [a.x_m - b.x_m, a.y_m - b.y_m, a.z_m - b.z_m].map(f64::from);
+    x_m.hypot(y_m).hypot(z_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::RngExt as _;
+
+    use super::*;
+    use crate::random::stream;
+
+    fn point(x_m: f32, y_m: f32, z_m: f32, intensity: f32) -> LidarPoint {
+        LidarPoint { x_m, y_m, z_m, intensity, ring: 0 }
+    }
+
+    /// A line of points 4 cm apart, as a ring of a LiDAR lays it.
+    fn line(x_m: f32, intensity: f32) -> Vec<LidarPoint> {
+        (0..20).map(|k| point(x_m, 0.04 * k as f32, -1.0, intensity)).collect()
+    }
+
+    #[test]
+    fn a_lone_dim_point_near_the_lidar_is_a_drop_and_others_are_none() {
+        let lone = [point(4.0, 1.0, 0.3, 0.0), point(4.0, 2.0, 0.3, 30.0), point(14.0, 1.0, 0.3, 0.0)];
+        assert_eq!(DropsConfig::default().among(&lone), [true, false, false], "a bright one, a far one");
+        assert!(!DropsConfig::default().among(&line(4.0, 0.0)).contains(&true), "a dark thing");
+        let mut both = line(4.0, 0.0);
+        both.push(point(4.0, 0.4, 0.5, 0.0));
+        let found = DropsConfig::default().among(&both);
+        assert_eq!(found.iter().filter(|&&drop| drop).count(), 1, "a drop above a dark thing");
+        assert!(found[20]);
+    }
+
+    #[test]
+    fn points_without_a_place_and_far_ones_are_left_to_others() {
+        let odd =
+            [point(f32::NAN, 0.0, 0.0, 0.0), point(f32::INFINITY, 0.0, 0.0, 0.0), point(3e38, 0.0, 0.0, 0.0)];
+        assert_eq!(DropsConfig::default().among(&odd), [false; 3]);
+        let dim = point(2.0, 0.0, 0.0, 0.0);
+        assert_eq!(DropsConfig::default().among(&[odd[0], dim, odd[2]]), [false, true, false]);
+        assert_eq!(DropsConfig { n_neighbours: 0, ..DropsConfig::default() }.among(&[dim]), [false]);
+    }
+
+    #[test]
+    fn neighbours_are_counted_as_by_looking_at_every_pair() {
+        let mut rng = stream(7, "drops", 0);
+        for n_neighbours in [1, 3, 8] {
+            let config = DropsConfig { n_neighbours, radius_m: 0.35, ..DropsConfig::default() };
+            let mut at = || rng.random_range(-2.0..2.0_f32);
+            let points: Vec<_> = (0..600).map(|k| point(9.0 + at(), at(), at(), (k % 3) as f32)).collect();
+            let is_drop = |p: &LidarPoint| {
+                let n_near = points.iter().filter(|q| distance_m(p, q) <= 0.35).count() - 1;
+                range_m(p) < 10.0 && p.intensity <= 1.0 && n_near < n_neighbours
+            };
+            let expected: Vec<bool> = points.iter().map(is_drop).collect();
+            assert_eq!(config.among(&points), expected);
+            assert!(expected.contains(&true) && expected.contains(&false));
+        }
+    }
+}
