@@ -17,7 +17,7 @@ use crate::geometry::{Box3, Pinhole, Point, Transform};
 use crate::kernels::has_matrix_unit;
 use crate::model::golden::formula::{self, uniform};
 use crate::model::golden::{Golden, assert_close, assert_within};
-use crate::model::{Batch, Detector, Input, ModelConfig, Output};
+use crate::model::{Batch, Detector, DropsLeftOut, Input, ModelConfig, Output};
 use crate::object::{Harm, LabelledObject};
 use crate::sample::{EgoState, EncodedImage, ImageFormat, LidarPoint, Measured};
 
@@ -133,6 +133,9 @@ fn states() -> Vec<EgoState> {
 
 fn inputs(case: &Case) -> Vec<Input> {
     let (width_px, height_px) = (case.config.camera.cnn.image_width_px as u32, case.height_px);
+    // The twin gets the points of every brightness, anywhere.
+    let mut config = case.config.clone();
+    config.lidar.drops.left_out = DropsLeftOut::Never;
     let input = |(sample_idx, states): (usize, &[EgoState])| {
         let measured = Measured {
             time_ns: 0,
@@ -144,7 +147,7 @@ fn inputs(case: &Case) -> Vec<Input> {
             image: picture(case, sample_idx),
             points: points(case, sample_idx),
         };
-        Input::prepare(&measured, &case.config, false, true).unwrap().with_states(states, false).unwrap()
+        Input::prepare(&measured, &config, false, true).unwrap().with_states(states, false).unwrap()
     };
     states().chunks(N_STATES).enumerate().map(input).collect()
 }

@@ -93,6 +93,8 @@ mod tests {
 
     use super::*;
     use crate::random::stream;
+    use crate::sensors::lidar::{Finish, Hit, Pattern, Receiver, Reflector, Turn};
+    use crate::sensors::{RigLidarConfig, Weather};
 
     fn point(x_m: f32, y_m: f32, z_m: f32, intensity: f32) -> LidarPoint {
         LidarPoint { x_m, y_m, z_m, intensity, ring: 0 }
@@ -139,6 +141,55 @@ mod tests {
             let expected: Vec<bool> = points.iter().map(is_drop).collect();
             assert_eq!(config.among(&points), expected);
             assert!(expected.contains(&true) && expected.contains(&false));
+        }
+    }
+
+    /// A road, 1.8 m below the LiDAR, and a flat carton on it 5.5 m ahead: what a ray hits, and whether it is the carton.
+    fn road_with_carton(ray: &nalgebra::Vector3<f64>) -> (Hit, bool) {
+        let (road_m, top_m, front_m) = (-1.8, -1.55, 5.5);
+        let matt = |range_m: f64, cos_incidence: f64, reflectivity: f64, is_paved: bool| Hit {
+            range_m,
+            cos_incidence,
+            reflectivity,
+            is_paved,
+            finish: Finish::Matt,
+            leaves_m: 0.0,
+        };
+        let at_front = ray * (front_m / ray.x);
+        let on_top = ray * (top_m / ray.z);
+        if ray.z < 0.0 && at_front.y.abs() < 0.3 && (road_m..top_m).contains(&at_front.z) {
+            (matt(at_front.norm(), ray.x, 0.3, false), true)
+        } else if ray.z < 0.0 && on_top.y.abs() < 0.3 && (front_m..front_m + 0.6).contains(&on_top.x) {
+            (matt(on_top.norm(), -ray.z, 0.3, false), true)
+        } else if ray.z < 0.0 {
+            (matt(road_m / ray.z, -ray.z, 0.17, true), false)
+        } else {
+            (matt(f64::INFINITY, 1.0, 0.0, false), false)
+        }
+    }
+
+    #[test]
+    fn in_rain_and_fog_most_water_goes_and_what_stands_on_the_road_stays() {
+        let elevations_deg: Vec<f64> = (0..32).map(|ring| -25.0 + 40.0 / 31.0 * f64::from(ring)).collect();
+        let pattern = Pattern::spinning(&elevations_deg, 0.4);
+        let (hits, on_carton): (Vec<_>, Vec<_>) = pattern.directions.iter().map(road_with_carton).unzip();
+        for weather in [Weather::SoftRainNoon, Weather::HardRainNoon, Weather::FogNoon] {
+            let receiver = Receiver::new(&RigLidarConfig::default(), 32, &weather.state(), 7);
+            let returns = receiver.returns(&pattern, &hits, Turn::Sample(0));
+            let points: Vec<LidarPoint> = returns.iter().map(|found| found.point).collect();
+            let are_drops = DropsConfig::default().among(&points);
+            let share = |of: &dyn Fn(usize) -> bool| {
+                let of: Vec<usize> = (0..points.len()).filter(|&i| of(i)).collect();
+                let n_left_out = of.iter().filter(|&&i| are_drops[i]).count();
+                (n_left_out as f64 / of.len() as f64, of.len())
+            };
+            let is_target = |i: usize| returns[i].reflector == Reflector::Target;
+            let (water, n_water) = share(&|i| !is_target(i) && range_m(&points[i]) < 10.0);
+            let (road, _) = share(&|i| is_target(i));
+            let (carton, n_carton) = share(&|i| is_target(i) && on_carton[returns[i].ray]);
+            assert!(n_water > 30 && n_carton > 20, "{weather:?}: {n_water}, {n_carton}");
+            assert!(water > 0.8 && road < 0.01, "{weather:?}: {water}, {road}");
+            assert_eq!(carton, 0.0, "{weather:?}");
         }
     }
 }
