@@ -36,6 +36,15 @@ pub struct LidarPoint {
     pub ring: u16,
 }
 
+impl LidarPoint {
+    /// Distance from the LiDAR.
+    #[must_use]
+    pub fn range_m(&self) -> f64 {
+        let [x_m, y_m, z_m] = [self.x_m, self.y_m, self.z_m].map(f64::from);
+        x_m.hypot(y_m).hypot(z_m)
+    }
+}
+
 /// How an image's bytes are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ImageFormat {

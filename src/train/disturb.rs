@@ -253,8 +253,7 @@ mod tests {
     fn fog_takes_far_points_and_what_is_left_of_an_object_is_counted() {
         let config = AugmentConfig { fogged_share: 1.0, ..undisturbed() };
         let before = sample();
-        let range_m = |p: &LidarPoint| p.x_m.hypot(p.y_m).hypot(p.z_m);
-        let n_far = |of: &Measured| of.points.iter().filter(|p| range_m(p) > 30.0).count();
+        let n_far = |of: &Measured| of.points.iter().filter(|p| p.range_m() > 30.0).count();
         let mut n_left = 0;
         for seed in 0..10 {
             let found = disturbed(&config, seed).unwrap();

@@ -19,7 +19,7 @@ impl DropsConfig {
         let mut are_drops = vec![false; points.len()];
         let is_dim = |p: &LidarPoint| {
             f64::from(p.intensity) <= self.most_intensity
-                && range_m(p) < self.range_m
+                && p.range_m() < self.range_m
                 && self.n_neighbours > 0
         };
         if !points.iter().any(is_dim) {
@@ -29,7 +29,7 @@ impl DropsConfig {
         let mut by_cell: Vec<(u64, u32)> = points
             .iter()
             .enumerate()
-            .filter(|(_, p)| range_m(p) < reach_m)
+            .filter(|(_, p)| p.range_m() < reach_m)
             .map(|(i, p)| (key(self.cell_of(p)), i as u32))
             .collect();
         by_cell.sort_unstable();
@@ -75,11 +75,6 @@ fn within<'a>(by_cell: &'a [(u64, u32)], keys: &RangeInclusive<u64>) -> &'a [(u6
     let from = by_cell.partition_point(|(key, _)| key < keys.start());
     let n = by_cell[from..].iter().take_while(|(key, _)| key <= keys.end()).count();
     &by_cell[from..from + n]
-}
-
-fn range_m(p: &LidarPoint) -> f64 {
-    let [x_m, y_m, z_m] = [p.x_m, p.y_m, p.z_m].map(f64::from);
-    x_m.hypot(y_m).hypot(z_m)
 }
 
 fn distance_m(a: &LidarPoint, b: &LidarPoint) -> f64 {
@@ -136,7 +131,7 @@ mod tests {
             let points: Vec<_> = (0..600).map(|k| point(9.0 + at(), at(), at(), (k % 3) as f32)).collect();
             let is_drop = |p: &LidarPoint| {
                 let n_near = points.iter().filter(|q| distance_m(p, q) <= 0.35).count() - 1;
-                range_m(p) < 10.0 && p.intensity <= 1.0 && n_near < n_neighbours
+                p.range_m() < 10.0 && p.intensity <= 1.0 && n_near < n_neighbours
             };
             let expected: Vec<bool> = points.iter().map(is_drop).collect();
             assert_eq!(config.among(&points), expected);
@@ -184,7 +179,7 @@ mod tests {
                 (n_left_out as f64 / of.len() as f64, of.len())
             };
             let is_target = |i: usize| returns[i].reflector == Reflector::Target;
-            let (water, n_water) = share(&|i| !is_target(i) && range_m(&points[i]) < 10.0);
+            let (water, n_water) = share(&|i| !is_target(i) && points[i].range_m() < 10.0);
             let (road, _) = share(&|i| is_target(i));
             let (carton, n_carton) = share(&|i| is_target(i) && on_carton[returns[i].ray]);
             assert!(n_water > 30 && n_carton > 20, "{weather:?}: {n_water}, {n_carton}");
