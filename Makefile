@@ -108,7 +108,7 @@ network-rivals: network-data ## LiDAR alone and a closed set of kinds, trained a
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/kinds $(SCHEDULE) $(CLOSED_SET)
 	$(BIN) calibrate $(NETWORK)/kinds --judge zone-expected --data $(NETWORK)/val
 
-drives: setup build ## The closed loop in drawn worlds and in the suite, as in docs/drive.md, after `make network-rivals`; hours, resumable; DRIVES_FINAL=1
+drives: setup build ## The closed loop in drawn worlds and in the suite, as in docs/drive.md, after `make network-rivals`; hours, resumable; DRIVES_FINAL=1, DRIVES_SCORES=1
 	@scripts/drives.sh
 
 # What `make report` scores: a run, or `small`, the network inside the program; and both data sets.

@@ -1,4 +1,4 @@
-//! Parts of the samples or of their objects that detectors are compared on: fog, night, few rings, near, far, few points, small.
+//! Parts of the samples or of their objects that detectors are compared on: by air and light, beams, range, points and size.
 
 use super::bootstrap::{Cell, Resamples};
 use super::matching::{Matching, Outcome};
@@ -25,17 +25,20 @@ pub(super) enum Part {
     /// A column of Table III; [`Column::Total`] is everything.
     Column(Column),
     Fog,
+    Rain,
     Night,
     FewRings,
+    ManyRings,
     Near,
+    Middle,
     Far,
     FewPoints,
     Small,
 }
 
 impl Part {
-    const OF_SAMPLES: [Self; 3] = [Self::Fog, Self::Night, Self::FewRings];
-    const OF_OBJECTS: [Self; 4] = [Self::Near, Self::Far, Self::FewPoints, Self::Small];
+    const OF_SAMPLES: [Self; 5] = [Self::Fog, Self::Rain, Self::Night, Self::FewRings, Self::ManyRings];
+    const OF_OBJECTS: [Self; 5] = [Self::Near, Self::Middle, Self::Far, Self::FewPoints, Self::Small];
 
     pub fn all(mode: Mode) -> Vec<Self> {
         let columns = Column::ALL.into_iter().filter(|&of| mode == Mode::Ood || of == Column::Total);
@@ -49,9 +52,12 @@ impl Part {
             Self::Column(Column::OodAll) => "out of distribution, all FPs".to_owned(),
             Self::Column(Column::OodMatched) => "out of distribution, matched FPs".to_owned(),
             Self::Fog => "samples in fog".to_owned(),
+            Self::Rain => "samples in rain".to_owned(),
             Self::Night => "samples at night".to_owned(),
             Self::FewRings => format!("samples of {FEW_RINGS} rings or fewer"),
+            Self::ManyRings => format!("samples of more than {FEW_RINGS} rings"),
             Self::Near => format!("objects nearer than {NEAR_M} m"),
+            Self::Middle => format!("objects from {NEAR_M} to {FAR_M} m"),
             Self::Far => format!("objects at {FAR_M} m or more"),
             Self::FewPoints => format!("objects of fewer than {FEW_POINTS} points"),
             Self::Small => format!("objects below {SMALL_M} m in all sizes"),
@@ -61,8 +67,10 @@ impl Part {
     fn has_sample(self, facts: &SampleFacts) -> bool {
         match self {
             Self::Fog => facts.mor_m.is_some_and(|mor_m| mor_m < FOG_MOR_M),
+            Self::Rain => facts.rain_rate_mmph.is_some_and(|rate| rate > 0.0),
             Self::Night => facts.weather.as_deref().is_some_and(|name| name.ends_with("Night")),
             Self::FewRings => facts.n_lidar_rings.is_some_and(|n| n <= FEW_RINGS),
+            Self::ManyRings => facts.n_lidar_rings.is_some_and(|n| n > FEW_RINGS),
             _ => true,
         }
     }
@@ -76,10 +84,16 @@ impl Part {
                 object.distribution == Some(Distribution::Ood)
             }
             Self::Near => range_m < NEAR_M,
+            Self::Middle => (NEAR_M..FAR_M).contains(&range_m),
             Self::Far => range_m >= FAR_M,
             Self::FewPoints => object.n_lidar_points.is_some_and(|n| n < FEW_POINTS),
             Self::Small => of.length_m.max(of.width_m).max(of.height_m) < SMALL_M,
-            Self::Column(Column::Total) | Self::Fog | Self::Night | Self::FewRings => true,
+            Self::Column(Column::Total)
+            | Self::Fog
+            | Self::Rain
+            | Self::Night
+            | Self::FewRings
+            | Self::ManyRings => true,
         }
     }
 

@@ -273,10 +273,15 @@ mod tests {
     }
 
     #[test]
-    fn objects_are_near_or_far_of_few_points_or_small_and_samples_of_the_night() {
+    fn objects_are_told_by_range_points_and_size_and_samples_by_weather_and_beams() {
         let mut samples = samples(4, |i| i == 0);
+        // From 38 m to where the middle begins.
+        samples[0].objects[1] = truth(10.0, Harm::Harmless, Distribution::Id);
+        samples[0].detections[1] = found(10.0, Harm::Harmless, 0.5);
         for (i, sample) in samples.iter_mut().enumerate() {
             sample.facts.weather = Some(if i == 0 { "FogNight" } else { "FogNoon" }.to_owned());
+            sample.facts.rain_rate_mmph = Some(if i == 0 { 0.1 } else { 0.0 });
+            sample.facts.n_lidar_rings = Some(if i == 0 { 17 } else { 16 });
             for object in &mut sample.objects {
                 object.truth.n_lidar_points = Some(if i == 0 { 9 } else { 10 });
                 let of = &mut object.truth.box_in_ego;
@@ -287,10 +292,14 @@ mod tests {
         let of = versus(&[vec![samples]], &Protocol::default(), Mode::Id).unwrap();
         for (name, n_truths, is_found) in [
             ("nearer than 10", 4, false),
-            ("30 m or more", 4, false),
+            ("from 10 to 30 m", 1, true),
+            ("30 m or more", 3, false),
             ("fewer than 10 points", 2, true),
             ("below 1 m", 2, true),
             ("night", 2, true),
+            ("rain", 2, true),
+            ("more than 16 rings", 2, true),
+            ("16 rings or fewer", 6, false),
         ] {
             let line = line(&of.mean, name);
             assert_eq!(line.n_truths, n_truths, "{name}");

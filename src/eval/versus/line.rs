@@ -25,7 +25,7 @@ pub struct VersusFigure {
     pub interval: Option<[f64; 2]>,
     pub over_first: Option<f64>,
     pub over_first_interval: Option<[f64; 2]>,
-    /// The same with what other seeds would change; `None` unless both are of as many runs, two or more.
+    /// The same with what other seeds would change; `None` where both are of one run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub over_first_seeds_interval: Option<[f64; 2]>,
     /// Each run's own figure, where the detector is of several; else empty.
@@ -73,21 +73,34 @@ impl Runs {
         values.map(|values| mean(&values))
     }
 
-    /// How far the mean of a detector's gains over the first, run by run, may be off for the few seeds alone: half an interval of
-    /// [`Confidence::LEVEL`]. `None` unless both have as many runs, two or more.
+    /// How far the difference of a detector's mean from the first one's may be off for the few seeds alone: half an interval of
+    /// [`Confidence::LEVEL`]. `None` where both are of one run.
     fn gain_error(&self, of_runs: &[Option<f64>], detector: usize) -> Option<f64> {
-        let [first, other] = [0, detector].map(|i| &of_runs[self.0[i].clone()]);
-        if first.len() != other.len() || first.len() < 2 {
+        let runs = [0, detector].map(|i| of_runs[self.0[i].clone()].iter().copied().collect());
+        let [first, other]: [Option<Vec<f64>>; 2] = runs;
+        let (first, other) = (first?, other?);
+        // Run by run where each has its partner; else all are taken to scatter alike about the mean of their detector.
+        let (variance, freedom) = if first.len() == other.len() {
+            let gains: Vec<f64> = first.iter().zip(&other).map(|(a, b)| b - a).collect();
+            let freedom = gains.len() as f64 - 1.0;
+            (squares_about_mean(&gains) / freedom / gains.len() as f64, freedom)
+        } else {
+            let [n_first, n_other] = [&first, &other].map(|of| of.len() as f64);
+            let freedom = n_first + n_other - 2.0;
+            let of_a_run = (squares_about_mean(&first) + squares_about_mean(&other)) / freedom;
+            (of_a_run * (1.0 / n_first + 1.0 / n_other), freedom)
+        };
+        if freedom < 1.0 {
             return None;
         }
-        let gains: Option<Vec<f64>> = first.iter().zip(other).map(|(&a, &b)| Some(b? - a?)).collect();
-        let (gains, n) = (gains?, first.len() as f64);
-        let middle = mean(&gains);
-        let variance = gains.iter().map(|gain| (gain - middle).powi(2)).sum::<f64>() / (n - 1.0);
-        let student = StudentsT::new(0.0, 1.0, n - 1.0).expect("at least one degree of freedom");
-        let quantile = student.inverse_cdf(f64::midpoint(1.0, Confidence::LEVEL));
-        Some(quantile * (variance / n).sqrt())
+        let student = StudentsT::new(0.0, 1.0, freedom).expect("at least one degree of freedom");
+        Some(student.inverse_cdf(f64::midpoint(1.0, Confidence::LEVEL)) * variance.sqrt())
     }
+}
+
+fn squares_about_mean(values: &[f64]) -> f64 {
+    let middle = mean(values);
+    values.iter().map(|value| (value - middle).powi(2)).sum()
 }
 
 #[cfg(test)]
@@ -111,13 +124,18 @@ mod tests {
         };
         // Gains of .04, .06 and .05: .05, a standard error of .01 / sqrt 3, and Student's 4.303 for two degrees of freedom.
         let of_three = line(&[0.5, 0.5, 0.5, 0.54, 0.56, 0.55], vec![0..3, 3..6]);
-        let [low, high] = of_three.over_first_interval.unwrap();
+        let of_episodes = of_three.over_first_interval.unwrap();
+        let [low, high] = of_episodes;
         let error = 4.302_653 * 0.01 / 3_f64.sqrt();
         let wanted = [0.05 - (0.05 - low).hypot(error), 0.05 + (high - 0.05).hypot(error)];
         let found = of_three.over_first_seeds_interval.unwrap();
         assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} against {wanted:?}");
-        // Of one run, or of other numbers of runs, nobody knows.
+        // Three runs against one: the three's deviation of .01, as if the other's were the same, for both means.
+        let [low, high] = line(&[0.49, 0.51, 0.5, 0.55], vec![0..3, 3..4]).over_first_seeds_interval.unwrap();
+        let error = 4.302_653 * 0.01 * (1.0_f64 / 3.0 + 1.0).sqrt();
+        let wanted = [0.05 - error.hypot(0.05 - of_episodes[0]), 0.05 + error.hypot(of_episodes[1] - 0.05)];
+        assert!((low - wanted[0]).abs() < 1e-6 && (high - wanted[1]).abs() < 1e-6, "{low} to {high}");
+        // Of one run each, nobody knows.
         assert_eq!(line(&[0.5, 0.54], vec![0..1, 1..2]).over_first_seeds_interval, None);
-        assert_eq!(line(&[0.5, 0.5, 0.54], vec![0..2, 2..3]).over_first_seeds_interval, None);
     }
 }
