@@ -32,7 +32,7 @@ impl fmt::Display for DriveSummary {
             writeln!(f, "{}{line}", if i == 0 { "\n" } else { "" })?;
         }
         for figures in &self.figures {
-            for axis in ["family", "hit by blind", "event", "weather", "town"] {
+            for axis in ["family", "distribution", "hit by blind", "event", "weather", "town"] {
                 let groups = figures.groups.get(axis).map_or(&[][..], Vec::as_slice);
                 let told: Vec<&GroupFigures> = groups
                     .iter()

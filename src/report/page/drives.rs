@@ -15,9 +15,13 @@ use crate::report::table::Table;
 use std::path::Path;
 
 /// Axes of groups that are drawn.
-const AXES: [(&str, &str); 5] = [
+const AXES: [(&str, &str); 6] = [
     ("family", "By scenario family"),
-    ("hit by blind", "By what blind runs into"),
+    (
+        "distribution",
+        "By what blind runs into: familiar (id), unfamiliar (ood), unannotated (background), built in (scenery)",
+    ),
+    ("hit by blind", "By kind of what blind runs into"),
     ("event", "By what happens to what blind runs into"),
     ("weather", "By weather"),
     ("town", "By town"),
