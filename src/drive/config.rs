@@ -34,8 +34,8 @@ define_config! {
         score: f64 = 0.0, in from_to(0.0, 1.0);
         /// A harmful box counts when it is there in so many ..
         n_confirming: u32 = 2, in from_to(1.0, 100.0);
-        /// .. of the last so many samples.
-        n_samples: u32 = 3, in from_to(1.0, 100.0);
+        /// .. of the last so many samples; three show how fast a thing moves.
+        n_samples: u32 = 3, in from_to(3.0, 100.0);
         /// Boxes of two samples nearer than this are of one thing, metres between their centres on the ground.
         same_m: f64 = 3.0, in from_to(0.1, 100.0);
         /// The ego stops so far before the box, metres.

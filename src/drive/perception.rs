@@ -30,6 +30,8 @@ pub(super) struct Network {
     judge: Judge,
     device: Device,
     scores: CountsFrom,
+    /// Whether it has answered once: a device compiles its kernels at the first call.
+    is_warm: bool,
 }
 
 /// The scores from which on a driver's boxes count.
@@ -76,7 +78,7 @@ impl Perception {
                 let (scores, _) = network_scores(&trained, *judge, [*score, *warning], config)?;
                 let detector = trained.load(device)?;
                 let (judge, device) = (*judge, device.clone());
-                Self::Network(Box::new(Network { detector, judge, device, scores }))
+                Self::Network(Box::new(Network { detector, judge, device, scores, is_warm: false }))
             }
         })
     }
@@ -94,7 +96,11 @@ impl Perception {
 
     /// Whether its next answer is the first of its program, which loads what it needs: no time that a car on its way would wait.
     pub fn is_loading(&self) -> bool {
-        matches!(self, Self::External { running: None, .. })
+        match self {
+            Self::Network(network) => !network.is_warm,
+            Self::External { running, .. } => running.is_none(),
+            Self::Blind | Self::Truth => false,
+        }
     }
 
     /// Whether the velocities of its boxes are to be believed: one sample shows a network none.
@@ -123,6 +129,8 @@ impl Perception {
             Self::Network(network) => {
                 let (measured, Network { detector, judge, device, .. }) = (measured(), &**network);
                 let found = infer::predict_for(*judge, detector, &[(at.episode, measured)], device, &Silent)?;
+                let judge = *judge;
+                network.is_warm = true;
                 let found = found.into_iter().next().unwrap_or_default();
                 Ok(judge.judge(&found, &measured.ego_state, zone)?)
             }

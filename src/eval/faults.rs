@@ -178,9 +178,11 @@ fn find_all<'a>(matching: &Matching<'a>) -> Vec<Found<'a>> {
     faults
 }
 
+/// Whether something harmful is there, whether the LiDAR hit it or not.
 fn is_on_harmful(matching: &Matching<'_>, sample: &KeptSample<'_>, place: &Box3<Ego>) -> bool {
     let reach_m = matching.config().tp_threshold_m;
-    let mut harmful = sample.objects.iter().filter(|object| object.harm == Harm::Harmful);
+    let there = sample.objects.iter().chain(&sample.unhit);
+    let mut harmful = there.filter(|object| object.harm == Harm::Harmful);
     harmful.any(|object| center_distance_m(&object.truth.box_in_ego, place) < reach_m)
 }
 
@@ -333,6 +335,16 @@ mod tests {
         samples[0].facts.is_unlabelled = true;
         let all = list_faults(&samples, &Protocol::default()).unwrap();
         assert!(all.iter().map(|fault| fault.sample_idx).eq(1..10), "places are those of the samples given");
+    }
+
+    #[test]
+    fn a_box_on_something_harmful_that_the_lidar_did_not_hit_is_no_fault() {
+        let mut walker = named("walker", 10.0, Harm::Harmful);
+        walker.truth.n_lidar_points = Some(0);
+        let boxes = vec![found(10.5, Harm::Harmful, 0.9), found(20.0, Harm::Harmful, 0.8)];
+        let faults = worst(&[sample("e/0", 10.0, vec![walker, named("car", 30.0, Harm::Harmless)], boxes)]);
+        let told: Vec<_> = faults.iter().map(|fault| (fault.kind, fault.score)).collect();
+        assert_eq!(told, [(FaultKind::NothingThere, Some(0.8))]);
     }
 
     #[test]

@@ -30,8 +30,8 @@ pub mod versus;
 /// Number of the rules by which scores are made: raised with each change of them, or of what a rival's boxes are, so that scores that were
 /// kept by other rules are made anew. 2: a closed set's boxes are ranked by the sum of their kinds. 3: so are those that its own rules judge; an
 /// event goes on where the filters drop its object; an alarm on a harmful object that the LiDAR did not hit is not false; a LiDAR's beams are its
-/// rig's.
-pub const SCORING: u32 = 3;
+/// rig's. 4: nor is such an alarm false that lies on a harmless object or ignored ground, too, and it may be the last that counts.
+pub const SCORING: u32 = 4;
 
 pub use axis::Axis;
 pub use bootstrap::{Confidence, Intervals, interval, resample};

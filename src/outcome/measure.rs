@@ -80,7 +80,8 @@ impl Draws {
     pub fn ratio(&self, kind: Ratio, above: Of<'_>, below: Of<'_>) -> Measure {
         let value = self.quotient(&vec![1; self.n_groups], above, below);
         let of_drawn = |n_drawn: &[u32]| self.quotient(n_drawn, above, below);
-        let interval = self.exact(kind, value, below).or_else(|| self.interval(&of_drawn));
+        let drawn = || self.interval(&of_drawn).filter(|_| self.counted_groups(below).len() > 1);
+        let interval = self.exact(kind, value, below).or_else(drawn);
         Measure { value, interval }
     }
 
@@ -95,7 +96,8 @@ impl Draws {
             let [one, other] = [one, other].map(|[_, below]| self.exact(kind, Some(0.0), below));
             one.zip(other).map(|([_, one], [_, other])| [-one.max(other), one.max(other)])
         };
-        let interval = match self.interval(&of_drawn) {
+        let can_differ = [one, other].iter().all(|[_, below]| self.counted_groups(below).len() > 1);
+        let interval = match self.interval(&of_drawn).filter(|_| can_differ) {
             Some([low, high]) if low == high => exact().map_or(Some([low, high]), |[down, up]| {
                 let ends = [low + down, high + up];
                 Some(if kind == Ratio::Share { ends.map(|end| end.clamp(-1.0, 1.0)) } else { ends })
@@ -119,11 +121,17 @@ impl Draws {
         (self.n_groups > 1).then(|| interval(resamples().into_iter().flatten())).flatten()
     }
 
+    /// The groups that a figure is of. Resamples of one alone all show the same, however uncertain it is.
+    fn counted_groups(&self, below: Of<'_>) -> BTreeSet<usize> {
+        let counted = (0..self.group_of.len()).filter(|&i| below(i) > 0.0);
+        counted.map(|i| self.group_of[i]).collect()
+    }
+
     /// The interval of a share or rate of nothing, or of all.
     fn exact(&self, kind: Ratio, value: Option<f64>, below: Of<'_>) -> Option<[f64; 2]> {
         let value = value?;
         let counted = || (0..self.group_of.len()).filter(|&i| below(i) > 0.0);
-        let groups: BTreeSet<usize> = counted().map(|i| self.group_of[i]).collect();
+        let groups = self.counted_groups(below);
         let least_of_all = TAIL.powf(1.0 / groups.len() as f64);
         match kind {
             Ratio::Share if value == 0.0 => Some([0.0, 1.0 - least_of_all]),
@@ -183,8 +191,15 @@ mod tests {
         assert_eq!((alone.interval, together.interval), (Some([0.0, 0.75]), Some([0.0, 0.5])));
         let none = |families| draws(families).ratio(Ratio::Rate, &|_| 0.0, &|_| 0.5).interval.unwrap()[1];
         assert!((none(["bale", "bale", "child", "child"]) / none([""; 4]) - 2.0).abs() < 1e-9);
-        // With one family alone there is nothing to draw from.
+        // With one family alone there is nothing to draw from, be it that all others count for nothing.
         assert_eq!(share(["bale"; 4]).interval, None);
+        let half = |i: usize| first(i) / 2.0;
+        for kind in [Ratio::Share, Ratio::Rate, Ratio::Mean] {
+            let of_first = draws([""; 4]).ratio(kind, &half, &first);
+            assert_eq!(of_first, Measure { value: Some(0.5), interval: None });
+        }
+        let one: [Of<'_>; 2] = [&half, &first];
+        assert_eq!(draws([""; 4]).difference(Ratio::Mean, one, one).interval, None);
     }
 
     #[test]

@@ -115,8 +115,9 @@ impl<'a> AlarmFacts<'a> {
                     found_to[object as usize] = ranked.score;
                     LiesOn::Harm
                 }
+                // Whatever else it lies on.
+                _ if unhit_found_to.take(matching, ranked) => LiesOn::Harm,
                 Outcome::Misclassified(_) => LiesOn::Harmless,
-                Outcome::Unmatched if unhit_found_to.take(matching, ranked) => continue,
                 Outcome::Unmatched => LiesOn::Nothing,
                 Outcome::Neutral(_) => continue,
             };

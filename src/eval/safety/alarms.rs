@@ -222,9 +222,9 @@ pub(super) fn show_groups(alarms: &Option<Alarms>, _: &EvalConfig) -> Option<Met
 #[cfg(test)]
 mod tests {
     use super::super::tracks::tests::episode;
-    use crate::eval::matching::tests::found;
+    use crate::eval::matching::tests::{found, truth};
     use crate::eval::{EvalConfig, EvalSample, Mode, Protocol, SafetyConfig, evaluate};
-    use crate::object::Harm;
+    use crate::object::{Distribution, Harm};
 
     fn alarms(samples: &[EvalSample], config: SafetyConfig) -> super::Alarms {
         let config = EvalConfig { safety: config, ..EvalConfig::default() };
@@ -270,6 +270,17 @@ mod tests {
         assert_eq!((point.n_events, point.missed_per_event), (1, Some(0.0)));
         // The second box on it is false.
         assert_eq!((point.score, point.n_false_alarms), (Some(0.4), 1));
+        // Alone it costs nothing, so it counts where none may be false, and where something harmless stands by its side.
+        for stands_beside in [false, true] {
+            let mut samples = samples.clone();
+            samples[1].detections.truncate(1);
+            if stands_beside {
+                samples[1].objects.push(truth(16.0, Harm::Harmless, Distribution::Id));
+            }
+            let point = &alarms(&samples, per_km(0.1)).points[0];
+            assert_eq!((point.score, point.n_false_alarms), (Some(0.5), 0));
+            assert_eq!(point.missed_per_event, Some(0.0));
+        }
         // An alarm on a harmless one is false, as anywhere.
         samples[1].objects[0].harm = Harm::Harmless;
         assert_eq!(alarms(&samples, per_km(1000.0)).points[0].n_false_alarms, 2);
