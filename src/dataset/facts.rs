@@ -137,7 +137,10 @@ impl Origin {
             mor_m: state.map(|state| state.mor_m),
             rain_rate_mmph: state.map(|state| state.rain_rate_mmph),
             n_lidar_rings: n_beams(&meta.rig_toml),
-            labelled: log.and_then(|log| log.labelled.clone()),
+            // The cloud is cut to the front picture: what a log annotates beside it has no point, and is no truth to score by.
+            labelled: log
+                .and_then(|log| log.labelled.clone())
+                .map(|labelled| Labelled { in_camera_view: true, ..labelled }),
             ..SampleFacts::default()
         };
         Ok(Self { facts, start_ns })
@@ -197,8 +200,9 @@ pub fn episode_of_id(id: &str) -> &str {
 mod tests {
     use super::*;
     use crate::dataset::test_data;
-    use crate::object::Harm;
+    use crate::object::{Harm, Kind};
     use crate::zone::ZoneKind;
+    use std::collections::BTreeMap;
 
     #[test]
     fn a_dataset_tells_time_speed_and_where_the_zone_ends() {
@@ -241,6 +245,28 @@ mod tests {
         assert!((facts.gap_ahead_m(&ahead).unwrap() - 4.5).abs() < 1e-12);
         assert_eq!(SampleFacts::default().gap_ahead_m(&ahead), None);
         assert_eq!((episode_of_id("a/b/3"), episode_of_id("s1")), ("a/b", "s1"));
+    }
+
+    #[test]
+    fn of_a_log_that_annotates_all_round_the_picture_is_scored() {
+        let labelled = Labelled {
+            kinds: vec![Kind::Vehicle],
+            categories: Vec::new(),
+            max_range_m: Some(50.0),
+            in_camera_view: false,
+            sizes: BTreeMap::new(),
+        };
+        let log = LogFacts {
+            format: "nuscenes".into(),
+            drive: "scene-0001".into(),
+            methods: BTreeMap::new(),
+            sample_names: BTreeMap::new(),
+            first_cloud_sha256: String::new(),
+            labelled: Some(labelled.clone()),
+        };
+        let meta = test_data::episode_meta("unknown", "");
+        let origin = Origin::of_episode(&meta, Some(&log), Path::new("e.mcap"), 0).unwrap();
+        assert_eq!(origin.facts.labelled, Some(Labelled { in_camera_view: true, ..labelled }));
     }
 
     #[test]

@@ -157,10 +157,22 @@ impl Ros2Drive {
         self.nearest(&self.timeline.objects, topic, self.times_ns[0]).map(|_| ())
     }
 
-    /// The message of boxes of a cloud.
+    /// The message of boxes of a cloud: the nearest of those that have no nearer cloud. What moves is elsewhere in other clouds.
     fn objects_at(&self, time_ns: u64) -> Option<Stamped> {
-        let found = self.timeline.objects.nearest(time_ns)?;
-        (found.stamp_ns.abs_diff(time_ns) <= self.tolerance_ns).then_some(found)
+        let messages = &self.timeline.objects.messages;
+        let first = messages.partition_point(|of| of.stamp_ns.saturating_add(self.tolerance_ns) < time_ns);
+        let near = messages[first..]
+            .iter()
+            .take_while(|of| of.stamp_ns <= time_ns.saturating_add(self.tolerance_ns));
+        let own = near.filter(|of| self.nearest_cloud_ns(of.stamp_ns) == Some(time_ns));
+        own.copied().min_by_key(|of| of.stamp_ns.abs_diff(time_ns))
+    }
+
+    /// The time of the sample's cloud that is nearest to a time, of two the earlier.
+    fn nearest_cloud_ns(&self, time_ns: u64) -> Option<u64> {
+        let after = self.times_ns.partition_point(|cloud_ns| *cloud_ns < time_ns);
+        let around = &self.times_ns[after.saturating_sub(1)..(after + 1).min(self.times_ns.len())];
+        around.iter().copied().min_by_key(|cloud_ns| cloud_ns.abs_diff(time_ns))
     }
 
     fn motion(&self) -> Motion<'_> {
@@ -335,7 +347,7 @@ impl Drive for Ros2Drive {
             Some(Stamped { stamp_ns: message_ns, place }) => {
                 let topic = self.bag.topic("objects.topic", name)?;
                 Some(self.bag.read(topic, place, |message| {
-                    objects::objects(message, |frame| self.ego_from(frame, stamp_ns, message_ns))
+                    objects::objects(message, message_ns, |frame| self.ego_from(frame, stamp_ns, message_ns))
                 })?)
             }
         };

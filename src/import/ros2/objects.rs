@@ -7,12 +7,13 @@ use super::tf::{frame_name, isometry_of};
 use crate::geometry::{Box3, Point};
 use crate::import::RawObject;
 
-/// The objects of a message; `ego_from` gives the pose of a frame at the message's time.
+/// The objects of a message of this time; `ego_from` gives the pose of a frame then.
 ///
 /// # Errors
 /// A field is missing, or a box's frame has no pose.
 pub fn objects(
     message: &Value,
+    stamp_ns: u64,
     ego_from: impl Fn(&str) -> Result<Isometry3<f64>, String>,
 ) -> Result<Vec<RawObject>, String> {
     let tell = |error: CdrError| error.to_string();
@@ -38,7 +39,7 @@ pub fn objects(
         };
         box_in_ego.check().map_err(|error| format!("box {idx}: {error}"))?;
         objects.push(RawObject {
-            id: id_of(detection, idx),
+            id: id_of(detection, stamp_ns, idx),
             category: category_of(detection).map_err(tell)?,
             box_in_ego,
             velocity_in_ego_mps: [f64::NAN; 2],
@@ -47,10 +48,10 @@ pub fn objects(
     Ok(objects)
 }
 
-/// The tracker's name of the object, else its place in the list.
-fn id_of(detection: &Value, idx: usize) -> String {
+/// The tracker's name of the object, else its message's time and place there: no other message's box is known to be the same thing.
+fn id_of(detection: &Value, stamp_ns: u64, idx: usize) -> String {
     let named = ["id", "tracking_id"].iter().find_map(|field| detection.text(field).ok());
-    named.filter(|id| !id.is_empty()).map_or_else(|| format!("box-{idx}"), str::to_owned)
+    named.filter(|id| !id.is_empty()).map_or_else(|| format!("{stamp_ns}-{idx}"), str::to_owned)
 }
 
 /// The class of the likeliest hypothesis; versions of vision_msgs differ in where it stands.
@@ -66,4 +67,17 @@ fn category_of(detection: &Value) -> Result<String, CdrError> {
         }
     }
     Ok(best.map_or_else(|| "unknown".to_owned(), |(_, name)| name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_without_a_name_is_the_same_as_none_of_another_message() {
+        let named = |id| Value::Struct(vec![("id", Value::Text(id))]);
+        assert_eq!(id_of(&named("car-7"), 5, 0), "car-7");
+        let unnamed = [5, 6].map(|stamp_ns| id_of(&named(""), stamp_ns, 1));
+        assert_eq!(unnamed, ["5-1", "6-1"]);
+    }
 }

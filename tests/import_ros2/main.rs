@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+mod boxes;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
