@@ -103,7 +103,9 @@ fn another_config_in_the_same_folder_needs_force() {
     let message = fails(&["train", text(id), "--out", text(run), "--set", "seed=9"]);
     assert!(message.contains("--force"), "{message}");
     assert!(fs::read(run.join("model.safetensors")).expect("a checkpoint") == before);
-    let message = fails(&["gen", "--town", "downtown", "--seed", "6", "--samples", "3", "--out", text(id)]);
+    // Its lock would be seen by those who copy the shared one meanwhile.
+    let (_folder, own) = copy();
+    let message = fails(&["gen", "--town", "downtown", "--seed", "6", "--samples", "3", "--out", text(&own)]);
     assert!(message.contains("--force"), "{message}");
 }
 
