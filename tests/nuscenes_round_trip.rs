@@ -75,6 +75,21 @@ fn what_comes_back_is_what_went_out() {
     }
 }
 
+#[test]
+fn a_set_without_pictures_of_the_front_is_imported_with_black_ones() {
+    let folder = tempfile::tempdir().unwrap();
+    let [before, between, after] = ["before", "between", "after"].map(|name| folder.path().join(name));
+    make_dataset(&before);
+    export(&before, &between);
+    fs::remove_dir_all(between.join("samples/CAM_FRONT")).unwrap();
+    let summary = import(&between, &after).unwrap();
+    assert!(summary.notes.iter().any(|note| note.contains("no pictures of CAM_FRONT")), "{summary:?}");
+    let reader = EpisodeReader::open(&after.join("episodes/scene-0061.mcap")).unwrap();
+    let (found, (wanted, _)) = (reader.whole_sample(0).unwrap().measured, sample(0));
+    assert_eq!(found.intrinsics, wanted.measured.intrinsics);
+    assert!(found.image.decode().unwrap().iter().all(|value| *value == 0));
+}
+
 fn compare_measured(found: &Measured, wanted: &Measured) {
     assert_eq!(found.points, wanted.points, "points are kept to the bit");
     assert_eq!(found.image, wanted.image, "pictures are kept to the byte");

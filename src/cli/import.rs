@@ -102,8 +102,7 @@ impl Ros2Args {
                  formats alone; found `{camera}`, none is needed"
             );
         }
-        self.log
-            .run(LogFormat::Ros2, |source, config| Ros2Log::open(source, mapping, config.stamp_tolerance_s))
+        self.log.run(LogFormat::Ros2, |source, config| Ros2Log::open(source, mapping, config))
     }
 }
 

@@ -3,6 +3,9 @@
 use super::config::IntensityScale;
 use super::{Notes, RawPoint};
 
+/// One point of so many may lie beyond its cloud's scale.
+const FEW: usize = 1000;
+
 /// What the intensities of a drive were found to be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Scale {
@@ -44,11 +47,15 @@ impl Scale {
         notes: &mut Notes,
     ) -> Result<Self, String> {
         let intensities = || points.iter().map(|point| point.intensity).filter(|found| found.is_finite());
-        let largest = intensities().fold(0.0, f32::max);
+        // A few points beyond a scale, as mirrors send them, do not make another; they are cut to it.
+        let mut falling: Vec<f32> = intensities().collect();
+        falling.sort_unstable_by(|a, b| b.total_cmp(a));
+        let largest = falling.get(falling.len() / FEW).copied().unwrap_or(0.0);
         // A dark cloud of whole numbers may not reach beyond 1 either.
         let has_parts = intensities().any(|found| found.fract() != 0.0);
+        let is_whole = !has_parts && (expected == IntensityScale::Byte || falling.first() > Some(&1.0));
         let scale = match largest {
-            _ if largest <= 1.0 && expected == IntensityScale::Byte && !has_parts => Self::Byte,
+            _ if largest <= 1.0 && is_whole => Self::Byte,
             _ if largest <= 1.0 => Self::Unit,
             _ if largest <= 255.0 => Self::Byte,
             _ if largest <= 65_535.0 => Self::Word,
@@ -76,6 +83,7 @@ impl Scale {
 
 #[cfg(test)]
 mod tests {
+    use super::IntensityScale::{Auto, Byte, Unit};
     use super::*;
 
     fn find(intensities: &[f32], expected: IntensityScale) -> (Result<Scale, String>, usize) {
@@ -94,7 +102,6 @@ mod tests {
 
     #[test]
     fn each_scale_is_known_and_told_where_another_was_expected() {
-        use IntensityScale::{Auto, Byte, Unit};
         assert_eq!(find(&[0.0, 0.99], Unit), (Ok(Scale::Unit), 0));
         assert_eq!(find(&[0.0, 0.99], Byte), (Ok(Scale::Unit), 1));
         assert_eq!(find(&[0.0, 1.0], Byte), (Ok(Scale::Byte), 0));
@@ -102,6 +109,16 @@ mod tests {
         assert_eq!(find(&[0.0, 200.0], Auto), (Ok(Scale::Byte), 0));
         assert_eq!(find(&[0.0, 40_000.0], Byte), (Ok(Scale::Word), 1));
         assert!(find(&[1e6], Auto).0.unwrap_err().contains("1000000"));
+    }
+
+    #[test]
+    fn a_mirror_among_a_thousand_points_makes_no_other_scale() {
+        let with = |beyond: f32, usual: f32| [vec![beyond], vec![usual; 1999]].concat();
+        assert_eq!(find(&with(3.7, 0.5), Auto).0, Ok(Scale::Unit));
+        assert_eq!(find(&with(3.7, 0.5), Unit), (Ok(Scale::Unit), 0));
+        assert_eq!(find(&with(300.0, 90.0), Byte), (Ok(Scale::Byte), 0));
+        // Whole numbers of a dark cloud are bytes.
+        assert_eq!(find(&with(80.0, 1.0), Auto), (Ok(Scale::Byte), 0));
     }
 
     #[test]

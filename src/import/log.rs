@@ -172,6 +172,8 @@ pub enum RawImage {
     /// Kept byte by byte unless it must be rectified.
     Encoded(EncodedImage),
     Pixels(RgbImage),
+    /// The log has none here: a black one of the calibration's size stands for it.
+    Black,
 }
 
 /// How a lens bends the picture: OpenCV's models and orders of coefficients.

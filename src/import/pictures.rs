@@ -27,6 +27,16 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
             .decode()
             .map_err(|error| format!("the picture of `{name}` is torn or no picture ({error})"))?,
         RawImage::Pixels(picture) => picture.clone(),
+        RawImage::Black => match camera.size_px {
+            Some([width_px, height_px]) if width_px > 0 && height_px > 0 => {
+                RgbImage::new(width_px, height_px)
+            }
+            found => {
+                return Err(format!(
+                    "there is no picture of `{name}`, and its calibration is for a size of {found:?} pixels; a size above 0 is needed"
+                ));
+            }
+        },
     };
     if let RawImage::Encoded(encoded) = &camera.image
         && is_cut(encoded)
@@ -64,6 +74,7 @@ pub(super) fn view_of(camera: &RawCamera, jpeg_quality: u8) -> Result<CameraView
         ));
     }
     let image = match (&camera.image, &camera.distortion) {
+        (RawImage::Black, _) => pack_black(&picture),
         (RawImage::Encoded(encoded), Distortion::None) => encoded.clone(),
         (_, Distortion::None) => pack_jpeg(&picture, jpeg_quality)?,
         (_, lens) => pack_jpeg(&rectify(&picture, &camera.k, lens), jpeg_quality)?,
@@ -81,7 +92,11 @@ fn is_cut(encoded: &EncodedImage) -> bool {
 
 /// Whether the episode's picture is another than the log's.
 pub(super) fn is_changed(camera: &RawCamera) -> bool {
-    camera.distortion != Distortion::None || matches!(camera.image, RawImage::Pixels(_))
+    match camera.image {
+        RawImage::Encoded(_) => camera.distortion != Distortion::None,
+        RawImage::Pixels(_) => true,
+        RawImage::Black => false,
+    }
 }
 
 /// A sentence on a calibration that is valid and yet hardly right.
@@ -106,16 +121,18 @@ pub(super) fn doubt(view: &CameraView) -> Option<String> {
 /// The black picture of the virtual camera.
 pub(super) fn virtual_view() -> CameraView {
     let [width_px, height_px] = VIRTUAL_SIZE_PX;
-    let mut bytes = Vec::new();
-    RgbImage::new(width_px, height_px)
-        .write_to(&mut Cursor::new(&mut bytes), Codec::Png)
-        .expect("memory takes a picture");
     CameraView {
         name: "cam_front".to_owned(),
         ego_from_camera: Transform::<Ego, Camera>::looking_forward(Vector3::from(VIRTUAL_PLACE_M), 0.0),
         intrinsics: Pinhole::from_horizontal_fov(width_px, height_px, VIRTUAL_FOV_DEG.to_radians()),
-        image: EncodedImage { format: ImageFormat::Png, bytes },
+        image: pack_black(&RgbImage::new(width_px, height_px)),
     }
+}
+
+fn pack_black(picture: &RgbImage) -> EncodedImage {
+    let mut bytes = Vec::new();
+    picture.write_to(&mut Cursor::new(&mut bytes), Codec::Png).expect("memory takes a picture");
+    EncodedImage { format: ImageFormat::Png, bytes }
 }
 
 fn pack_jpeg(picture: &RgbImage, quality: u8) -> Result<EncodedImage, String> {
@@ -178,6 +195,16 @@ mod tests {
         assert_eq!(view.image.format, ImageFormat::Jpeg);
         assert_eq!(view.image.decode().unwrap().dimensions(), (80, 40));
         assert!(is_changed(&bent) && !is_changed(&camera()));
+    }
+
+    #[test]
+    fn a_missing_picture_is_black_and_keeps_its_calibration() {
+        let dark = RawCamera { image: RawImage::Black, ..camera() };
+        let view = view_of(&dark, 95).unwrap();
+        let picture = view.image.decode().unwrap();
+        assert!(picture.dimensions() == (80, 40) && picture.iter().all(|value| *value == 0));
+        assert!(view.intrinsics.cx_px == 39.5 && !is_changed(&dark));
+        assert!(view_of(&RawCamera { size_px: None, ..dark }, 95).unwrap_err().contains("size"));
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::motion::{Motion, signed_s};
 use super::objects::{look_at_cloud, truth_of};
 use super::pictures::{doubt, is_changed, view_of, virtual_view};
 use super::state::StateMaker;
-use super::{Drive, ImportError, Notes, RawCamera, RawFrame};
+use super::{Drive, ImportError, Notes, RawCamera, RawFrame, RawImage};
 use crate::geometry::{Ego, Transform, World};
 use crate::sample::{CameraView, Measured, Sample, Truth};
 
@@ -64,6 +64,8 @@ pub(super) struct SampleMaker<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Picture {
     Virtual,
+    /// All so far are black ones with the log's calibration.
+    Black,
     AsItIs,
     Changed,
 }
@@ -131,7 +133,12 @@ impl<'a> SampleMaker<'a> {
         let front = match &frame.camera {
             None => virtual_view(),
             Some(camera) => {
-                self.picture = if is_changed(camera) { Picture::Changed } else { Picture::AsItIs };
+                self.picture = match &camera.image {
+                    RawImage::Black if self.picture == Picture::Virtual => Picture::Black,
+                    RawImage::Black => self.picture,
+                    _ if is_changed(camera) => Picture::Changed,
+                    _ => Picture::AsItIs,
+                };
                 self.view(camera, sample_idx, notes)?
             }
         };
@@ -253,6 +260,7 @@ impl<'a> SampleMaker<'a> {
             Picture::Virtual => {
                 "none: a black picture of a virtual camera (70 degrees, 800 x 450, at x 1.5 m, z 1.6 m) stands for it"
             }
+            Picture::Black => "no picture: a black one with the log's calibration stands for each",
             Picture::AsItIs => "the log's picture, byte by byte",
             Picture::Changed => "rectified or packed as JPEG",
         };

@@ -26,7 +26,7 @@ fn a_message_of_boxes_belongs_to_one_cloud() {
     writer.finish().unwrap();
     // Five clouds 0.1 s apart lie within the tolerance of the one message of boxes.
     let config = ImportConfig { stamp_tolerance_s: 0.25, ..ImportConfig::shipped(LogFormat::Ros2) };
-    let log = Ros2Log::open(&path, Some(plain_mapping()), config.stamp_tolerance_s).unwrap();
+    let log = Ros2Log::open(&path, Some(plain_mapping()), &config).unwrap();
     let options = ImportOptions { scenes: Vec::new(), split: Split::Test, skip_bad: false, force: false };
     let summary = run(&log, LogFormat::Ros2, &config, &folder.path().join("out"), &options, &Silent).unwrap();
     assert_eq!((n_boxes, summary.n_samples, summary.n_objects.total()), (5, 1, 2));

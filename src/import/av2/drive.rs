@@ -41,6 +41,8 @@ pub(super) struct SensorLog {
     mount_m: [f64; 3],
     /// Cameras with pictures, the front one first, each with the times of its pictures.
     cameras: Vec<(String, Vec<u64>)>,
+    /// A picture further from its sweep is none.
+    picture_tolerance_ns: u64,
     annotated: Option<BTreeMap<u64, Vec<RawObject>>>,
 }
 
@@ -107,16 +109,31 @@ impl SensorLog {
             methods,
             map,
         };
-        let folder = folder.to_owned();
-        Ok(Self { folder, facts, times_ns, odometry, calibration, mount_m, cameras, annotated })
+        Ok(Self {
+            folder: folder.to_owned(),
+            facts,
+            times_ns,
+            odometry,
+            calibration,
+            mount_m,
+            cameras,
+            picture_tolerance_ns: (config.stamp_tolerance_s * 1e9) as u64,
+            annotated,
+        })
     }
 
     fn motion(&self) -> Motion<'_> {
         Motion { odometry: &self.odometry, tolerance_ns: POSE_TOLERANCE_NS, smoothing_ns: POSE_TOLERANCE_NS }
     }
 
-    /// The picture of a camera that is nearest to a time.
-    fn camera(&self, name: &str, times_ns: &[u64], time_ns: u64) -> Result<Option<RawCamera>, ImportError> {
+    /// The picture of a camera that is nearest to a time; a black one where none is near, as cameras may begin late or drop out.
+    fn camera(
+        &self,
+        name: &str,
+        times_ns: &[u64],
+        time_ns: u64,
+        notes: &mut Notes,
+    ) -> Result<Option<RawCamera>, ImportError> {
         let calibration = self.calibration.as_ref();
         let intrinsics = calibration.and_then(|found| found.cameras.get(name));
         let mount = calibration.and_then(|found| found.ego_from_sensor.get(name));
@@ -124,7 +141,16 @@ impl SensorLog {
         let (Some(intrinsics), Some(mount), Some(nearest_ns)) = (intrinsics, mount, nearest) else {
             return Ok(None);
         };
-        let path = self.folder.join("sensors/cameras").join(name).join(format!("{nearest_ns}.jpg"));
+        let (taken_ns, image) = if nearest_ns.abs_diff(time_ns) <= self.picture_tolerance_ns {
+            let path = self.folder.join("sensors/cameras").join(name).join(format!("{nearest_ns}.jpg"));
+            let encoded = EncodedImage { format: ImageFormat::Jpeg, bytes: read(&path)? };
+            (nearest_ns, RawImage::Encoded(encoded))
+        } else {
+            notes.tell(format!(
+                "no picture of `{name}` is near a sweep (stamp_tolerance_s); a black one stands for it"
+            ));
+            (time_ns, RawImage::Black)
+        };
         let mount = Transform::<Ego, Camera>::from_isometry(*mount);
         Ok(Some(RawCamera {
             name: if name == FRONT {
@@ -132,13 +158,13 @@ impl SensorLog {
             } else {
                 format!("cam_{}", name.trim_start_matches("ring_"))
             },
-            time_ns: nearest_ns,
+            time_ns: taken_ns,
             // As the devkit's motion-compensated projection has it.
-            ego_from_camera: self.motion().ego_from_ego(time_ns, nearest_ns) * mount,
+            ego_from_camera: self.motion().ego_from_ego(time_ns, taken_ns) * mount,
             size_px: Some(intrinsics.size_px),
             k: intrinsics.k,
             distortion: Distortion::None,
-            image: RawImage::Encoded(EncodedImage { format: ImageFormat::Jpeg, bytes: read(&path)? }),
+            image,
         }))
     }
 }
@@ -170,13 +196,13 @@ impl Drive for SensorLog {
         &self.odometry
     }
 
-    fn frame(&self, sample_idx: usize, _notes: &mut Notes) -> Result<RawFrame, ImportError> {
+    fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
         let points = read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;
         let mut camera = None;
         let mut other_cameras = Vec::new();
         for (name, times_ns) in &self.cameras {
-            let view = self.camera(name, times_ns, time_ns)?;
+            let view = self.camera(name, times_ns, time_ns, notes)?;
             if name == FRONT { camera = view } else { other_cameras.extend(view) }
         }
         Ok(RawFrame {

@@ -11,6 +11,7 @@ use super::open_av2;
 use crate::episode::{EpisodeReader, Split};
 use crate::import::{ImportConfig, ImportError, ImportOptions, ImportSummary, LogFormat, run};
 use crate::progress::Silent;
+use crate::sample::ImageFormat;
 
 fn import(source: &Path, out: &Path) -> Result<ImportSummary, ImportError> {
     let config = ImportConfig::load(LogFormat::Av2, None, &[]).unwrap();
@@ -134,6 +135,26 @@ fn pictures_are_taken_with_their_calibration_and_checked_against_it() {
     cameras(&source, 1, [800, 600]);
     let told = import(&source, &root.path().join("other")).unwrap_err().to_string();
     assert!(told.contains("800 x 600") && told.contains("1550 x 2048"), "{told}");
+}
+
+#[test]
+fn a_sweep_without_a_near_picture_gets_a_black_one_and_the_others_keep_theirs() {
+    let root = tempfile::tempdir().unwrap();
+    let (source, out) = (root.path().join("some-log"), root.path().join("out"));
+    log(&source, 3, false);
+    cameras(&source, 3, [1550, 2048]);
+    // As if the camera had begun late.
+    fs::remove_file(source.join(format!("sensors/cameras/ring_front_center/{}.jpg", FIRST_NS + 20_000_000)))
+        .unwrap();
+    let summary = import(&source, &out).unwrap();
+    assert_eq!(summary.n_samples, 3);
+    assert!(summary.notes.iter().any(|note| note.contains("no picture of `ring_front_center`")), "{summary:?}");
+    let reader = EpisodeReader::open(&out.join("episodes/some-log.mcap")).unwrap();
+    let of = |sample_idx: usize| reader.sample(sample_idx).unwrap().measured;
+    let formats = [of(0).image.format, of(1).image.format];
+    assert_eq!(formats, [ImageFormat::Png, ImageFormat::Jpeg]);
+    assert_eq!(of(0).intrinsics, of(1).intrinsics);
+    assert!(reader.log().unwrap().methods["camera"].contains("byte by byte"));
 }
 
 /// What is done to a log, and what must be told.

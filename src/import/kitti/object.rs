@@ -117,9 +117,9 @@ impl Drive for ObjectDrive {
     fn frame(&self, _sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let file =
             |folder: &str, suffix: &str| self.folder.join(folder).join(format!("{}.{suffix}", self.stem));
-        let view = |number: usize| {
+        let view = |number: usize, notes: &mut Notes| {
             let picture = picture_path(&self.folder.join(format!("image_{number}")), &self.stem);
-            self.rig.camera(number, &self.calibration, &picture, self.times_ns[0])
+            self.rig.camera(number, &self.calibration, &picture, self.times_ns[0], notes)
         };
         // An export of ours has its rings beside.
         let mut of_cloud = Notes::default();
@@ -140,12 +140,12 @@ impl Drive for ObjectDrive {
         Ok(RawFrame {
             ego_from_lidar: self.rig.ego_from_lidar(&self.calibration),
             points,
-            camera: Some(view(FRONT)?),
+            camera: Some(view(FRONT, notes)?),
             other_cameras: self
                 .rig
                 .other_cameras
                 .iter()
-                .map(|&number| view(number))
+                .map(|&number| view(number, notes))
                 .collect::<Result<_, _>>()?,
             objects,
             ignored,

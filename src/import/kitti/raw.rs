@@ -17,8 +17,10 @@ pub(super) fn read_drive(drive: &Path, rig: &Rig) -> Result<Parts, ImportError> 
     let calibration = Calibration::read_raw(date)?;
     let clouds = drive.join("velodyne_points");
     let times_ns = read_stamps(&clouds.join("timestamps.txt"))?;
-    let picture_stamps = drive.join(format!("image_0{FRONT}")).join("timestamps.txt");
-    let picture_times_ns = read_stamps(&picture_stamps)?;
+    let front = drive.join(format!("image_0{FRONT}"));
+    let picture_stamps = front.join("timestamps.txt");
+    let picture_times_ns =
+        if files::is_dir(&front)? { read_stamps(&picture_stamps)? } else { times_ns.clone() };
     let n_lines = times_ns.len();
     if picture_times_ns.len() != n_lines {
         let message = format!(

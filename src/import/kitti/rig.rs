@@ -9,11 +9,13 @@ use super::calib::Calibration;
 use crate::files;
 use crate::geometry::{Camera, Ego, Lidar, Transform};
 use crate::import::error::read;
-use crate::import::{Distortion, GroundHeight, ImportConfig, ImportError, RawCamera, RawImage};
+use crate::import::{Distortion, GroundHeight, ImportConfig, ImportError, Notes, RawCamera, RawImage};
 use crate::sample::{EncodedImage, ImageFormat};
 
 /// The left colour camera, which labels are for.
 pub(super) const FRONT: usize = 2;
+/// Of most rectified pictures: the days differ by some pixels.
+const USUAL_SIZE_PX: [u32; 2] = [1242, 375];
 
 /// How the ego's axes lie against the sensors: KITTI states no tilt of the car against either, and they differ by up to a degree.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -104,27 +106,40 @@ impl Rig {
         Some((RECTIFIED_CAMERA, format!("that of KITTI's labels; camera_from_rect is {rows:?}")))
     }
 
-    /// A camera with its picture, which is PNG or JPEG.
+    /// A camera with its picture, which is PNG or JPEG; a black one where not even the folder of its pictures is there, as clouds can be
+    /// had without them.
     pub(super) fn camera(
         &self,
         number: usize,
         calibration: &Calibration,
         picture: &Path,
         time_ns: u64,
+        notes: &mut Notes,
     ) -> Result<RawCamera, ImportError> {
         let camera = calibration.camera(number)?;
         let rect_from_camera = camera.camera_from_rect.inverse();
         let ego_from_camera = self.ego_from_rect(calibration) * rect_from_camera;
-        let is_png = picture.extension().is_some_and(|suffix| suffix == "png");
-        let format = if is_png { ImageFormat::Png } else { ImageFormat::Jpeg };
+        let folder = picture.parent().unwrap_or(picture);
+        let (size_px, image) = if files::is_dir(folder)? {
+            let is_png = picture.extension().is_some_and(|suffix| suffix == "png");
+            let format = if is_png { ImageFormat::Png } else { ImageFormat::Jpeg };
+            (None, RawImage::Encoded(EncodedImage { format, bytes: read(picture)? }))
+        } else {
+            notes.tell(format!(
+                "there are no pictures of `{}` ({} is missing); a black one stands for each",
+                name_of(number),
+                folder.display()
+            ));
+            (Some(USUAL_SIZE_PX), RawImage::Black)
+        };
         Ok(RawCamera {
             name: name_of(number).to_owned(),
             time_ns,
             ego_from_camera: Transform::<Ego, Camera>::from_isometry(ego_from_camera),
-            size_px: None,
+            size_px,
             k: camera.k,
             distortion: Distortion::None,
-            image: RawImage::Encoded(EncodedImage { format, bytes: read(picture)? }),
+            image,
         })
     }
 }

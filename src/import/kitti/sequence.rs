@@ -137,9 +137,9 @@ impl Drive for SequenceDrive {
         let (parts, rig) = (&self.parts, &self.rig);
         let stem = &parts.frames[sample_idx].0;
         let time_ns = parts.picture_times_ns[sample_idx];
-        let view = |number: usize| {
+        let view = |number: usize, notes: &mut Notes| {
             let picture = picture_path(&(parts.pictures)(parts, number), stem);
-            rig.camera(number, &parts.calibration, &picture, time_ns)
+            rig.camera(number, &parts.calibration, &picture, time_ns, notes)
         };
         let points = read_scan(&parts.clouds.join(format!("{stem}.bin")), Stamps::ByAzimuth, notes)?;
         let annotated = parts.annotated.as_ref();
@@ -152,8 +152,12 @@ impl Drive for SequenceDrive {
         Ok(RawFrame {
             ego_from_lidar: rig.ego_from_lidar(&parts.calibration),
             points,
-            camera: Some(view(FRONT)?),
-            other_cameras: rig.other_cameras.iter().map(|&number| view(number)).collect::<Result<_, _>>()?,
+            camera: Some(view(FRONT, notes)?),
+            other_cameras: rig
+                .other_cameras
+                .iter()
+                .map(|&number| view(number, notes))
+                .collect::<Result<_, _>>()?,
             objects,
             ignored,
         })

@@ -281,6 +281,31 @@ fn a_damaged_frame_is_told_and_leaves_no_episode() {
 }
 
 #[test]
+fn sets_without_pictures_get_black_ones_with_the_sets_calibration() {
+    let root = tempfile::tempdir().unwrap();
+    type Layout = (&'static str, fn(&Path, usize), &'static str, &'static str);
+    let layouts: [Layout; 3] = [
+        ("object", object_set, "training/image_2", "kitti-000001"),
+        ("tracking", tracking_set, "training/image_02", "kitti-tracking-0000"),
+        ("raw", raw_drive, "2011_09_26/2011_09_26_drive_0001_sync/image_02", "kitti-2011_09_26_drive_0001_sync"),
+    ];
+    for (layout, make, pictures, drive) in layouts {
+        let (source, out) = (root.path().join(layout), root.path().join(format!("{layout}-out")));
+        make(&source, 2);
+        fs::remove_dir_all(source.join(pictures)).unwrap();
+        let summary = import(&source, &out, &[], &options()).unwrap();
+        assert_eq!(summary.n_samples, 2, "{layout}");
+        assert!(summary.notes.iter().any(|note| note.contains("no pictures of `cam_front`")), "{summary:?}");
+        let reader = episode(&out, drive);
+        let measured = reader.sample(0).unwrap().measured;
+        assert_eq!((measured.intrinsics.fx_px, measured.intrinsics.width_px), (700.0, 1242), "{layout}");
+        assert!(measured.image.decode().unwrap().iter().all(|value| *value == 0), "{layout}");
+        let camera = &reader.log().unwrap().methods["camera"];
+        assert!(camera.contains("a black one with the log's calibration"), "{camera}");
+    }
+}
+
+#[test]
 fn a_sequence_with_a_hole_in_its_poses_or_labels_beyond_its_end_is_told() {
     let told = |damage: &dyn Fn(&Path)| {
         let root = tempfile::tempdir().unwrap();

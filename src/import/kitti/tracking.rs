@@ -86,7 +86,11 @@ fn annotate(
 /// # Errors
 /// It cannot be looked into.
 pub(super) fn is_tracking(folder: &Path) -> std::io::Result<bool> {
-    if !files::is_dir(&folder.join(format!("image_0{FRONT}")))? {
+    let mut is_hinted = false;
+    for part in [&format!("image_0{FRONT}"), "label_02", "oxts"] {
+        is_hinted |= files::is_dir(&folder.join(part))?;
+    }
+    if !is_hinted {
         return Ok(false);
     }
     for entry in fs_err::read_dir(folder.join("velodyne"))? {

@@ -13,7 +13,7 @@ use super::annotations::{self, Annotation};
 use super::can_bus;
 use super::tables::{LIDAR, Tables};
 use crate::episode::MapDrawing;
-use crate::files::inside;
+use crate::files::{self, inside};
 use crate::geometry::{Ego, Lidar, Point, Transform, World};
 use crate::import::{
     Distortion, Drive, DriveFacts, GroundHeight, ImportConfig, ImportError, Notes, Odometry, RawCamera,
@@ -114,19 +114,9 @@ impl Scene {
         file: &SensorFile,
         world_from_ego: &Transform<World, Ego>,
         channel: &str,
+        notes: &mut Notes,
     ) -> Result<RawCamera, ImportError> {
-        let path = &file.path;
-        let bytes = error::read(path)?;
-        let format = match bytes.as_slice() {
-            [0xff, 0xd8, ..] => ImageFormat::Jpeg,
-            [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
-            _ => {
-                return Err(ImportError::at(
-                    path,
-                    "the picture is neither JPEG nor PNG; one of the two is needed",
-                ));
-            }
-        };
+        let image = picture_at(&file.path, channel, notes)?;
         let &[[fx, skew, cx], [low, fy, cy], last] = file.matrix.as_slice() else {
             let message = format!(
                 "calibrated_sensor `{}`: camera_intrinsic has {} rows; 3 are needed",
@@ -143,7 +133,7 @@ impl Scene {
             size_px: Some([file.row.width, file.row.height]),
             k: [fx, skew, cx, low, fy, cy, last[0], last[1], last[2]],
             distortion: Distortion::None,
-            image: RawImage::Encoded(EncodedImage { format, bytes }),
+            image,
         })
     }
 }
@@ -174,7 +164,7 @@ impl Drive for Scene {
         let ego_from_lidar = Transform::from_isometry(files.lidar.ego_from_sensor);
         let points: Vec<RawPoint> = cloud.into_iter().map(raw_point).collect();
         let cameras = files.cameras.iter().zip(&self.channels).map(|(file, channel)| {
-            file.as_ref().map(|file| self.camera(file, &world_from_ego, channel)).transpose()
+            file.as_ref().map(|file| self.camera(file, &world_from_ego, channel, notes)).transpose()
         });
         let mut cameras = cameras.collect::<Result<Vec<_>, _>>()?.into_iter();
         let camera = cameras.next().flatten();
@@ -190,6 +180,29 @@ impl Drive for Scene {
             ignored: Vec::new(),
         })
     }
+}
+
+/// A picture; a black one where not even the channel's folder is there, as clouds can be had without pictures.
+fn picture_at(path: &Path, channel: &str, notes: &mut Notes) -> Result<RawImage, ImportError> {
+    if let Some(folder) = path.parent()
+        && !files::is_dir(folder)?
+    {
+        notes.tell(format!(
+            "there are no pictures of {channel} ({} is missing); a black one stands for each",
+            folder.display()
+        ));
+        return Ok(RawImage::Black);
+    }
+    let bytes = error::read(path)?;
+    let format = match bytes.as_slice() {
+        [0xff, 0xd8, ..] => ImageFormat::Jpeg,
+        [0x89, b'P', b'N', b'G', ..] => ImageFormat::Png,
+        _ => {
+            let message = "the picture is neither JPEG nor PNG; one of the two is needed";
+            return Err(ImportError::at(path, message));
+        }
+    };
+    Ok(RawImage::Encoded(EncodedImage { format, bytes }))
 }
 
 /// A point in the log's own axes; the pipeline turns them.

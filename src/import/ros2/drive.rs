@@ -14,7 +14,9 @@ use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
 use crate::import::motion::Motion;
-use crate::import::{Drive, DriveFacts, ImportError, Notes, Odometry, RawCamera, RawFrame, Series};
+use crate::import::{
+    Drive, DriveFacts, ImportConfig, ImportError, Notes, Odometry, RawCamera, RawFrame, Series,
+};
 
 /// Clouds that are looked at to find how their points count times and rings.
 const CLOUDS_TRIED: usize = 5;
@@ -44,7 +46,7 @@ impl Ros2Drive {
     pub fn open(
         bag: Bag,
         mapping: Checked<MappingConfig>,
-        tolerance_s: f64,
+        config: &ImportConfig,
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
         let topics = Topics::of(&bag, &mapping)?;
@@ -56,9 +58,11 @@ impl Ros2Drive {
             let isometry = Isometry3::from_parts(nalgebra::Translation3::new(x, y, z), rotation);
             timeline.tf.add(&transform.parent, &transform.child, true, 0, isometry);
         }
-        timeline.tf.finish();
+        timeline.tf.finish(&mapping.frames.fixed).into_iter().for_each(|sentence| notes.tell(sentence));
         let (ego_from_base, ground) = ego_from_base(&mapping.frames, &timeline.tf);
-        let (odometry, pose_source) = odometry(&timeline, &mapping, &ego_from_base, notes)
+        let of_mapping_m = Some(mapping.vehicle.wheelbase_m).filter(|length_m| *length_m > 0.0);
+        let wheelbase_m = of_mapping_m.unwrap_or(config.vehicle.wheelbase_m);
+        let (odometry, pose_source) = odometry(&timeline, &mapping, wheelbase_m, &ego_from_base, notes)
             .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
         let has_objects = topics.objects.is_some();
         let mut drive = Self {
@@ -66,7 +70,7 @@ impl Ros2Drive {
                 path: bag.path().to_owned(),
                 town: "ros2".into(),
                 description: format!("ROS 2 bag {}", bag.path().file_name().unwrap_or_default().display()),
-                wheelbase_m: Some(mapping.vehicle.wheelbase_m).filter(|length_m| *length_m > 0.0),
+                wheelbase_m: of_mapping_m,
                 front_bumper_x_m: Some(mapping.vehicle.front_bumper_x_m).filter(|length_m| *length_m > 0.0),
                 is_labelled: has_objects,
                 ground,
@@ -87,7 +91,7 @@ impl Ros2Drive {
             ego_from_base,
             habits: CloudHabits::default(),
             calibration: None,
-            tolerance_ns: (tolerance_s * 1e9) as u64,
+            tolerance_ns: (config.stamp_tolerance_s * 1e9) as u64,
         };
         drive.choose_samples(notes)?;
         drive.check_objects()?;
@@ -369,10 +373,11 @@ impl Drive for Ros2Drive {
 fn odometry(
     timeline: &BagTimeline,
     mapping: &MappingConfig,
+    wheelbase_m: f64,
     ego_from_base: &Isometry3<f64>,
     notes: &mut Notes,
 ) -> Result<(Odometry, String), String> {
-    let (poses, source) = poses(timeline, mapping, ego_from_base, notes)?;
+    let (poses, source) = poses(timeline, mapping, wheelbase_m, ego_from_base, notes)?;
     let series = |values: &[(u64, f64)], field: &super::mapping::FieldMapping| {
         let source = format!("measured: `{}` of topic `{}`", field.field, field.topic);
         (!values.is_empty()).then(|| Series { source, values: values.to_vec() })

@@ -32,7 +32,7 @@ pub use mapping::{
     PoseMapping, Rectified, StampSource, TimeUnit, TransformMapping, VehicleMapping,
 };
 
-use super::{Drive, ImportError, Log, Notes};
+use super::{Drive, ImportConfig, ImportError, Log, Notes};
 use crate::config::{self, Checked};
 
 /// A bag, or a folder of bags, each of which is a drive.
@@ -41,7 +41,7 @@ pub struct Ros2Log {
     drives: Vec<String>,
     /// `None`: each bag's own proposal.
     mapping: Option<Checked<MappingConfig>>,
-    stamp_tolerance_s: f64,
+    config: ImportConfig,
 }
 
 impl Ros2Log {
@@ -52,7 +52,7 @@ impl Ros2Log {
     pub fn open(
         path: &Path,
         mapping: Option<MappingConfig>,
-        stamp_tolerance_s: f64,
+        config: &ImportConfig,
     ) -> Result<Self, ImportError> {
         let mapping = mapping.map(Checked::new).transpose()?;
         let mut bags: BTreeMap<String, PathBuf> = BTreeMap::new();
@@ -71,7 +71,7 @@ impl Ros2Log {
             bags.insert(name, bag);
         }
         let drives = bags.keys().cloned().collect();
-        Ok(Self { bags, drives, mapping, stamp_tolerance_s })
+        Ok(Self { bags, drives, mapping, config: config.clone() })
     }
 }
 
@@ -114,6 +114,6 @@ impl Log for Ros2Log {
             }
             Checked::new(proposal.mapping)?
         };
-        Ok(Box::new(Ros2Drive::open(bag, mapping, self.stamp_tolerance_s, notes)?))
+        Ok(Box::new(Ros2Drive::open(bag, mapping, &self.config, notes)?))
     }
 }

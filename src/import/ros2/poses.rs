@@ -49,6 +49,7 @@ type EgoPoses = Vec<(u64, Transform<World, Ego>)>;
 pub fn poses(
     timeline: &BagTimeline,
     mapping: &MappingConfig,
+    wheelbase_m: f64,
     ego_from_base: &Isometry3<f64>,
     notes: &mut Notes,
 ) -> Result<(EgoPoses, String), String> {
@@ -56,7 +57,7 @@ pub fn poses(
     let FrameMapping { base, fixed, .. } = &mapping.frames;
     let tf = &timeline.tf;
     let (poses, source) = match mapping.poses.topic.as_str() {
-        "" => add_up(timeline, mapping),
+        "" => add_up(timeline, wheelbase_m),
         "tf" => {
             if !tf.connects(fixed, base) {
                 return Err(tf.lookup(fixed, base, 0, 0).expect_err("they are not connected").to_string());
@@ -91,9 +92,8 @@ pub fn poses(
 }
 
 /// Poses from speed and yaw rate, or steering, from the world's origin on.
-fn add_up(timeline: &BagTimeline, mapping: &MappingConfig) -> (Vec<(u64, Isometry3<f64>)>, String) {
-    let wheelbase_m = mapping.vehicle.wheelbase_m;
-    let (turns, of_steering) = if timeline.yaw_rate_rps.is_empty() && wheelbase_m > 0.0 {
+fn add_up(timeline: &BagTimeline, wheelbase_m: f64) -> (Vec<(u64, Isometry3<f64>)>, String) {
+    let (turns, of_steering) = if timeline.yaw_rate_rps.is_empty() {
         (&timeline.steering_angle_rad, true)
     } else {
         (&timeline.yaw_rate_rps, false)

@@ -295,6 +295,7 @@ pub fn tf_tree(bag: &Bag) -> Result<TfTree, ImportError> {
     bag.visit(&topics, |topic, _, value| {
         tree.add_message(value, topic.name.ends_with("tf_static"), None).map(drop)
     })?;
-    tree.finish();
+    // Told when the bag is imported.
+    let _ = tree.finish("");
     Ok(tree)
 }

@@ -18,6 +18,8 @@ const MOST_EDGES: usize = 100;
 #[derive(Debug, Clone, Default)]
 pub struct TfTree {
     edges: BTreeMap<String, Edge>,
+    /// Until [`TfTree::finish`]: the edges of children to the parents that they had before.
+    others: BTreeMap<String, Vec<Edge>>,
 }
 
 #[derive(Debug, Clone)]
@@ -108,21 +110,50 @@ impl TfTree {
     ) {
         let (parent, child) = (frame_name(parent).to_owned(), frame_name(child).to_owned());
         let new = || Edge { parent: parent.clone(), is_static, is_constant: is_static, stamped: Vec::new() };
-        let edge = self.edges.entry(child).or_insert_with(new);
-        if is_static || edge.parent != parent {
+        let edge = self.edges.entry(child.clone()).or_insert_with(new);
+        if edge.parent != parent {
+            let others = self.others.entry(child).or_default();
+            let known = others.iter().position(|other| other.parent == parent);
+            let known = known.map_or_else(new, |i| others.swap_remove(i));
+            others.push(std::mem::replace(edge, known));
+        }
+        if is_static {
             *edge = new();
         }
         edge.stamped.push((stamp_ns, parent_from_child));
     }
 
-    /// Sorts the stamps. An edge that never changes holds at all times.
-    pub fn finish(&mut self) {
+    /// Sorts the stamps. An edge that never changes holds at all times. Of several parents of a child the one said last holds if it is
+    /// static, else `fixed` if it is one of them, else the one with the most stamps. Returns a sentence for each such child.
+    #[must_use]
+    pub fn finish(&mut self, fixed: &str) -> Vec<String> {
+        let mut told = Vec::new();
+        for (child, others) in std::mem::take(&mut self.others) {
+            let Some(last) = self.edges.remove(&child) else { continue };
+            let mut parents = vec![last];
+            parents.extend(others);
+            let weight = |(i, edge): &(usize, &Edge)| {
+                let is_last_word = *i == 0 && edge.is_static;
+                let is_wanted = !fixed.is_empty() && edge.parent == fixed;
+                // Of equals the one said last.
+                (is_last_word, is_wanted, edge.stamped.len(), std::cmp::Reverse(*i))
+            };
+            let best = parents.iter().enumerate().max_by_key(weight).map_or(0, |(i, _)| i);
+            let rest: Vec<String> = parents.iter().map(|edge| format!("`{}`", edge.parent)).collect();
+            told.push(format!(
+                "tf gives the frame `{child}` several parents ({}); only the one of `{}` is used",
+                rest.join(", "),
+                parents[best].parent
+            ));
+            self.edges.insert(child, parents.swap_remove(best));
+        }
         for edge in self.edges.values_mut() {
             edge.stamped.sort_by_key(|(stamp_ns, _)| *stamp_ns);
             edge.stamped.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
             let first = edge.stamped[0].1;
             edge.is_constant = edge.stamped.iter().all(|(_, isometry)| *isometry == first);
         }
+        told
     }
 
     #[must_use]
@@ -284,8 +315,36 @@ mod tests {
         tree.add("odom", "base_link", false, 1_000_000_000, yaw(0.0, 0.0));
         tree.add("/base_link", "/lidar", true, 0, yaw(1.0, 0.0));
         tree.add("base_link", "camera", true, 0, yaw(2.0, 0.0));
-        tree.finish();
+        assert!(tree.finish("odom").is_empty());
         tree
+    }
+
+    #[test]
+    fn two_publishers_of_a_frames_parent_do_not_erase_each_other() {
+        let two = || {
+            let mut tree = TfTree::default();
+            let at = |x: f64| Isometry3::translation(x, 0.0, 0.0);
+            for i in 0..10_u64 {
+                tree.add("odom", "base_link", false, i * 100, at(i as f64));
+                if i % 3 == 0 {
+                    tree.add("map", "base_link", false, i * 100 + 5, at(100.0 + i as f64));
+                }
+            }
+            tree
+        };
+        let mut tree = two();
+        let told = tree.finish("");
+        assert!(matches!(&told[..], [told] if told.contains("`base_link`") && told.contains("of `odom`")), "{told:?}");
+        assert_eq!(tree.stamps_between("odom", "base_link").len(), 10);
+        assert_eq!(tree.lookup("odom", "base_link", 450, 0).unwrap().translation.x, 4.5);
+        let mut tree = two();
+        assert_eq!(tree.finish("map").len(), 1);
+        assert_eq!(tree.stamps_between("map", "base_link"), [5, 305, 605, 905]);
+        // What is said once for all times at the end, as by a mapping, holds.
+        let mut tree = two();
+        tree.add("rig", "base_link", true, 0, Isometry3::identity());
+        assert_eq!(tree.finish("map").len(), 1);
+        assert!(tree.connects("rig", "base_link") && !tree.connects("map", "base_link"));
     }
 
     #[test]
