@@ -102,11 +102,15 @@ network-seed: network-data ## The same training from another seed; `make results
 LIDAR_ALONE = --set model.use_camera=false --set lidar_stage.epochs=8 --set fused_stage.epochs=0
 CLOSED_SET = --set model.head.classes=kind --set model.head.numeric_fusion=none --set model.head.judge=network
 
-network-rivals: network-data ## LiDAR alone and a closed set of kinds, trained as the network was: rivals for `drive` and `versus`; hours, resumable
+CAMERA_ALONE = --set model.use_lidar=false
+
+network-rivals: network-data ## LiDAR alone, the camera alone and a closed set of kinds, trained as the network was: rivals for `drive` and `versus`; hours, resumable
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/lidar $(SCHEDULE) $(LIDAR_ALONE)
 	$(BIN) calibrate $(NETWORK)/lidar --data $(NETWORK)/val
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/kinds $(SCHEDULE) $(CLOSED_SET)
 	$(BIN) calibrate $(NETWORK)/kinds --judge zone-expected --data $(NETWORK)/val
+	$(BIN) train $(NETWORK)/train --out $(NETWORK)/camera $(SCHEDULE) $(CAMERA_ALONE)
+	$(BIN) calibrate $(NETWORK)/camera --data $(NETWORK)/val
 
 drives: setup build ## The closed loop in drawn worlds and in the suite, as in docs/drive.md, after `make network-rivals`; hours, resumable; DRIVES_FINAL=1, DRIVES_SCORES=1
 	@scripts/drives.sh

@@ -3,9 +3,9 @@
 //! Each is scored on the same resamples of the episodes ([`super::bootstrap`]), and a gain's interval is that of the differences within
 //! them. Detectors fail on the same episodes, so it is far narrower than the intervals of the two suggest. Runs of one training
 //! that differ in their seed may count as one detector: its figures are their means, over all and in each resample. An interval
-//! then tells what other episodes would change. Where both detectors are of as many runs, another interval of the gain tells what other
-//! episodes and other seeds would change: run by run the gains have a mean whose standard error is known, and the interval's ends
-//! move away by it, times the quantile of Student's t for so few, as two independent errors add (the root of the squares' sum).
+//! then tells what other episodes would change. Another interval of the gain tells what other episodes and other seeds would change: its ends
+//! move away by the standard error of the gain's mean, times the quantile of Student's t for so few, as two independent errors add (the
+//! root of the squares' sum). Where both detectors are of as many runs, the gains run by run tell that error; else the runs' scatter, pooled.
 //!
 //! A part of the samples (fog, night, few rings) is scored with all of its false positives. Of a part of the objects only what was
 //! made on them counts, as in the breakdowns: such a score tells how a part fares with each detector, not how it fares

@@ -16,6 +16,13 @@ fn xtask(args: &[&str]) -> Command {
     command
 }
 
+/// What is to stand beside a run that is not there.
+fn nobody() -> String {
+    "[[side_by_side]]\ntitle = 'Nobody'\nnote = 'A run that is not there.'\nrows = [{ label = 'own', row = 'lidar' }, \
+     { label = 'nobody', row = 'nobody' }]\n[[given]]\nname = 'nobody'\nruns = ['not/there']\n"
+        .to_owned()
+}
+
 /// Rows of one branch, and of one stage, in little.
 fn experiment(folder: &Path, given: &Path) -> PathBuf {
     let keys = |keys: &[&str]| {
@@ -53,10 +60,8 @@ fn experiment(folder: &Path, given: &Path) -> PathBuf {
     config += "questions = [{ row = 'dark', better = 'It sees.', worse = 'It sees.', level = 'It sees.' }]\n";
     config += "[[side_by_side]]\ntitle = 'Guests'\nnote = 'A run that was given.'\nrows = [{ label = 'own', row = 'lidar' }, \
                { label = 'guest', row = 'guest' }, { label = 'both', row = 'one-stage' }]\n";
-    config += "[[side_by_side]]\ntitle = 'Nobody'\nnote = 'A run that is not there.'\nrows = [{ label = 'own', row = 'lidar' }, \
-               { label = 'nobody', row = 'nobody' }]\n";
     config += &format!("[[given]]\nname = 'guest'\nruns = ['{}']\n", text(given));
-    config += "[[given]]\nname = 'nobody'\nruns = ['not/there']\n";
+    config += &nobody();
     config += "[seeds]\nvalues = [7]\nrows = ['one-stage']\n";
     for judge in ["network", "zone-soft"] {
         config += &format!("[[rivals]]\nlabel = 'by {judge}'\nrow = 'lidar'\njudge = '{judge}'\n");
@@ -186,6 +191,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
         files.filter(|file| text(file).contains("/scores/reported")).collect()
     };
     assert!(kept().is_empty(), "{:?}", kept());
+    let message = fail(&mut xtask(&report));
+    assert!(
+        message.contains("`nobody` is to stand beside the others") && message.contains("not/there"),
+        "{message}"
+    );
+    let text_of_config = fs::read_to_string(&config).expect("a config");
+    fs::write(&config, text_of_config.replace(&nobody(), "")).expect("a writable folder");
     for is_first in [true, false] {
         succeed(&mut xtask(&report));
         let reported = document();

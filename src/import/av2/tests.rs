@@ -148,7 +148,10 @@ fn a_sweep_without_a_near_picture_gets_a_black_one_and_the_others_keep_theirs() 
         .unwrap();
     let summary = import(&source, &out).unwrap();
     assert_eq!(summary.n_samples, 3);
-    assert!(summary.notes.iter().any(|note| note.contains("no picture of `ring_front_center`")), "{summary:?}");
+    assert!(
+        summary.notes.iter().any(|note| note.contains("no picture of `ring_front_center`")),
+        "{summary:?}"
+    );
     let reader = EpisodeReader::open(&out.join("episodes/some-log.mcap")).unwrap();
     let of = |sample_idx: usize| reader.sample(sample_idx).unwrap().measured;
     let formats = [of(0).image.format, of(1).image.format];

@@ -287,7 +287,12 @@ fn sets_without_pictures_get_black_ones_with_the_sets_calibration() {
     let layouts: [Layout; 3] = [
         ("object", object_set, "training/image_2", "kitti-000001"),
         ("tracking", tracking_set, "training/image_02", "kitti-tracking-0000"),
-        ("raw", raw_drive, "2011_09_26/2011_09_26_drive_0001_sync/image_02", "kitti-2011_09_26_drive_0001_sync"),
+        (
+            "raw",
+            raw_drive,
+            "2011_09_26/2011_09_26_drive_0001_sync/image_02",
+            "kitti-2011_09_26_drive_0001_sync",
+        ),
     ];
     for (layout, make, pictures, drive) in layouts {
         let (source, out) = (root.path().join(layout), root.path().join(format!("{layout}-out")));

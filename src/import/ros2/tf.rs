@@ -334,7 +334,10 @@ mod tests {
         };
         let mut tree = two();
         let told = tree.finish("");
-        assert!(matches!(&told[..], [told] if told.contains("`base_link`") && told.contains("of `odom`")), "{told:?}");
+        assert!(
+            matches!(&told[..], [told] if told.contains("`base_link`") && told.contains("of `odom`")),
+            "{told:?}"
+        );
         assert_eq!(tree.stamps_between("odom", "base_link").len(), 10);
         assert_eq!(tree.lookup("odom", "base_link", 450, 0).unwrap().translation.x, 4.5);
         let mut tree = two();

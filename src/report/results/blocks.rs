@@ -219,7 +219,7 @@ fn scores_cell<'a>(runs: impl Iterator<Item = &'a ClassScores>, interval: Option
 }
 
 fn rival_blocks(results: &Results) -> Vec<Block> {
-    let text = "The network's class branch against the zone's own rule, laid over the network's boxes with the measured speed \
+    let text = "Each network's own word (`model.head.judge`: its class branch, or branch and rule together) against the zone's own rule, laid over the network's boxes with the measured speed \
                 and steering angle (docs/evaluation.md, rivals). mAP with both sensors right, with the speed measured 10 % \
                 too low or too high, and with the steering angle measured 2° off; of the two the lower. ID / OOD total. A \
                 closed set tells kinds in place of harm; neither it nor a rule by kind sees the two sensors, the zone's rules over its boxes do. Each row's first seed alone; \

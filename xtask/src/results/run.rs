@@ -33,6 +33,9 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
         let names: Vec<&str> = names.collect();
         anyhow::ensure!(names.contains(&only.as_str()), "no row `{only}`; there are: {}", names.join(", "));
     }
+    if request.reported.is_some() {
+        check_given(request)?;
+    }
     fs::create_dir_all(request.out.join("scores"))?;
     let (id_path, id) = data::prepare(request, false, progress)?;
     let (ood_path, ood) = data::prepare(request, true, progress)?;
@@ -125,6 +128,22 @@ pub fn run(request: &Request<'_>, device: &Device, progress: &dyn Progress) -> a
     results.rivals.sort_by_key(|rival| place(&rival.row, &rival.scores.judge));
     write::write(&results, &request.out, request.card.as_deref())?;
     Ok(results)
+}
+
+/// Split test reports once: what stands there without its rivals is not made good later.
+fn check_given(request: &Request<'_>) -> anyhow::Result<()> {
+    for of in &request.config.given {
+        let absent = of.runs.iter().find(|run| !run.join(CHECKPOINT).is_file());
+        if let Some(absent) = absent {
+            anyhow::bail!(
+                "cannot report on split test (--final): `{}` is to stand beside the others, and this run is not there or not finished: \
+                 {}; train it first (`make network-rivals`), or take its [[given]] and rows out of the config",
+                of.name,
+                absent.display()
+            );
+        }
+    }
+    Ok(())
 }
 
 /// Puts a row's figures into their place; the headline's on split test, too, and its repeats', where they are asked for.

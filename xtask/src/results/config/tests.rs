@@ -14,7 +14,7 @@ fn what_ships_stands_beside_its_rivals_and_is_judged_by_all() {
     assert_eq!(trainings.len(), 1, "nothing is trained but the headline, where it is not given");
     assert_eq!(trainings[0].1, TrainConfig::default());
     let given: Vec<&str> = config.given.iter().map(|of| of.name.as_str()).collect();
-    assert_eq!(given, ["lidar", "kinds"]);
+    assert_eq!(given, ["lidar", "kinds", "camera"]);
     let beside = |name: &str| config.side_by_side.iter().any(|of| of.rows.iter().any(|row| row.row == name));
     assert!(given.iter().all(|name| beside(name)));
     // Network and rule together is its own word.
@@ -36,7 +36,7 @@ fn a_given_run_has_a_name_of_its_own_and_is_asked_what_it_can_tell() {
     let message = wrong(|config| config.given[0].runs.clear());
     assert!(message.contains("given `lidar` has no run"), "{message}");
     let message = wrong(|config| config.side_by_side[0].rows[0].row = "radar".into());
-    assert!(message.contains("names row `radar`; there are: small, lidar, kinds"), "{message}");
+    assert!(message.contains("names row `radar`; there are: small, lidar, kinds, camera"), "{message}");
     // Once they are read.
     let config = ResultsConfig::default();
     let small = TrainConfig::default();
