@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 ABLATIONS = runs/ablations
 
-.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals results ablations drives report test ci book test-book check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals results beside-results ablations drives report test ci book test-book check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
@@ -67,6 +67,9 @@ results: setup ## RESULTS.md and the report of the network that ships, its seeds
 	$(RESULTS_OF) --config configs/results.toml --out $(RESULTS)
 	cp $(RESULTS)/RESULTS.md RESULTS.md
 	@echo "the report: $(RESULTS)/report.html"
+
+beside-results: build ## What RESULTS.md lacks of split test, after `make results ARGS=--final`: each group of towns, older networks, open-set scores; resumable
+	NETWORK=$(NETWORK) RESULTS=$(RESULTS) scripts/beside_results.sh
 
 ablations: setup ## ABLATIONS.md from nothing: data, many short trainings, scores; hours, may be stopped and called again
 	$(RESULTS_OF) --config configs/ablations.toml --out $(ABLATIONS)
