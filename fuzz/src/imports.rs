@@ -122,7 +122,7 @@ pub fn ros2(bytes: &[u8]) {
     }
     let mapping = scratch::write("ros2/mapping.toml", mapping);
     let mapping = if kind < 128 { load::<MappingConfig>(Some(&mapping), &[]).ok() } else { None };
-    import(LogFormat::Ros2, false, |config| Ros2Log::open(&folder, mapping, config.stamp_tolerance_s));
+    import(LogFormat::Ros2, false, |config| Ros2Log::open(&folder, mapping, config));
 }
 
 fn seeds_of(log: &LogFolder, first: usize) -> Vec<Vec<u8>> {

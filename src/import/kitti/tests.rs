@@ -282,8 +282,8 @@ fn a_damaged_frame_is_told_and_leaves_no_episode() {
 
 #[test]
 fn sets_without_pictures_get_black_ones_with_the_sets_calibration() {
-    let root = tempfile::tempdir().unwrap();
     type Layout = (&'static str, fn(&Path, usize), &'static str, &'static str);
+    let root = tempfile::tempdir().unwrap();
     let layouts: [Layout; 3] = [
         ("object", object_set, "training/image_2", "kitti-000001"),
         ("tracking", tracking_set, "training/image_02", "kitti-tracking-0000"),
