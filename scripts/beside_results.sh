@@ -8,6 +8,8 @@
 #   SPLIT    test; another split of other sets is for trying [test]
 #   SETS     names of the data sets, each with and without -ood [test test-maps]
 set -euo pipefail
+# What fails within $(..) ends the script, too.
+shopt -s inherit_errexit
 cd "$(dirname "$0")/.."
 
 bin=${CARGO_TARGET_DIR:-target}/release/harmzone
@@ -65,7 +67,6 @@ for set in "${sets[@]}"; do
         fi
         small=()
         for run in "${seeds[@]}"; do
-            # In a line of its own: what fails within a word ends no script.
             file=$(boxes "$(basename "$run")" "$run" "$data")
             small+=("small=$file")
         done

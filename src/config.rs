@@ -106,8 +106,36 @@ where
     lay(&mut table, over);
     table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
         overrides: vec![over.to_string()],
-        message: with_suggestion(error.message().to_owned()),
+        message: value_error(&error),
     })
+}
+
+/// What serde expects, and what of that a user may give.
+const EXPECTED: [(&str, &str); 8] = [
+    ("u8", "a whole number from 0 to 255"),
+    ("u16", "a whole number from 0 to 65535"),
+    ("u32", "a whole number from 0 to 4294967295"),
+    ("u64", "a whole number from 0 on"),
+    ("usize", "a whole number from 0 on"),
+    ("f32", "a number"),
+    ("f64", "a number"),
+    ("a boolean", "true or false"),
+];
+
+/// What is wrong with a value, after its key: what was found, what is valid.
+fn value_error(error: &toml::de::Error) -> String {
+    let (message, whole) = (error.message(), error.to_string());
+    // Where there is no text, the crate tells the key in a line after the message.
+    let key = whole.trim_end().rsplit_once("\nin `").and_then(|(_, key)| key.strip_suffix('`'));
+    let valid = |expected: &str| EXPECTED.iter().find(|(name, _)| *name == expected).map(|(_, valid)| *valid);
+    let in_words = message
+        .rsplit_once("expected ")
+        .and_then(|(found, expected)| Some(format!("{found}expected {}", valid(expected)?)));
+    let told = with_suggestion(in_words.unwrap_or_else(|| message.to_owned()));
+    match key {
+        Some(key) => format!("`{key}`: {told}"),
+        None => told,
+    }
 }
 
 /// The config with dotted `key=value` overrides laid over it.
@@ -142,7 +170,7 @@ where
     }
     table.try_into().map_err(|error: toml::de::Error| ConfigError::OverrideValue {
         overrides: overrides.to_vec(),
-        message: with_suggestion(error.message().to_owned()),
+        message: value_error(&error),
     })
 }
 
@@ -282,6 +310,28 @@ mod tests {
         assert!(load::<Example>(None, &["speed_mps=fast".to_owned()]).is_err());
         assert!(load::<Example>(None, &["inner.cuont=1".to_owned()]).is_err());
         assert!(load::<Example>(None, &["town".to_owned()]).is_err());
+    }
+
+    #[test]
+    fn an_override_of_another_kind_is_told_with_its_key_and_what_is_valid() {
+        let told = |text: &str| {
+            load::<Example>(None, &["town=market".to_owned(), text.to_owned()]).unwrap_err().to_string()
+        };
+        for (text, wanted) in [
+            (
+                "inner.count=-1",
+                "`inner.count`: invalid value: integer `-1`, expected a whole number from 0 on",
+            ),
+            ("speed_mps=fast", "`speed_mps`: invalid type: string \"fast\", expected a number"),
+            ("inner.cuont=1", "`inner`: unknown field `cuont`, expected `count`; did you mean `count`?"),
+            (
+                "towns=old",
+                "unknown field `towns`, expected one of `speed_mps`, `town`, `inner`; did you mean `town`?",
+            ),
+        ] {
+            let message = told(text);
+            assert!(message.ends_with(wanted) && message.contains(text), "{message}");
+        }
     }
 
     #[test]

@@ -388,6 +388,7 @@ fn what_cannot_be_driven_is_told_before_anything_is_written() {
     assert!(fail(&["zones:small"]).contains("zone-soft"));
     assert!(fail(&["no/such/run"]).contains("no finished checkpoint"));
     assert!(fail(&["blind", "--split", "test"]).contains("--final"));
+    assert!(fail(&["zone:small", "--split", "test", "--final"]).contains("reports once, and it brakes"));
     assert!(fail(&["blind", "a=blind", "blind"]).contains("two drivers are called `blind`"));
     assert!(fail(&["blind", "--set", "reflex.n_confirming=4"]).contains("n_confirming"));
     assert!(fail(&["blind", "--scenarios", "no/such.toml"]).contains("suite"));

@@ -95,12 +95,12 @@ fn reruns_own_program_takes_the_recording_and_finds_all_of_it() {
         ["view", text(&fixture().ood), "--predictions", text(&predicted().1), "--rrd", text(&recording)];
     let told = made_data::succeed(made_data::command(&words).env("HARMZONE_PYTHON", bin.join("python")));
     assert!(told.contains("3 samples of downtown-"), "{told}");
-    let rerun = |word: &str| {
+    let rerun = |word: &str, recording: &Path| {
         let mut rerun = Command::new(bin.join("rerun"));
-        made_data::succeed(rerun.args(["rrd", word]).arg(&recording))
+        made_data::succeed(rerun.args(["rrd", word]).arg(recording))
     };
-    rerun("verify");
-    let holds = rerun("print");
+    rerun("verify", &recording);
+    let holds = rerun("print", &recording);
     let wanted = [
         "/world/ego/camera/image",
         "/world/ego/points",
@@ -109,9 +109,19 @@ fn reruns_own_program_takes_the_recording_and_finds_all_of_it() {
         "/world/map/lanes",
         "/plots/speed/speed_mps",
         "/plots/harmful/n_predicted_harmful",
+        "RecordingInfo:name",
     ];
     let missing: Vec<&str> = wanted.into_iter().filter(|path| !holds.contains(path)).collect();
     assert!(missing.is_empty(), "{missing:?} of {holds}");
+    // The viewer would join two recordings of one id, though they show other boxes.
+    let other = folder.path().join("other.rrd");
+    let words = [&words[..4], &["--min-score", "0.9", "--rrd", text(&other)]].concat();
+    made_data::succeed(made_data::command(&words).env("HARMZONE_PYTHON", bin.join("python")));
+    let id_in = |printed: &str| {
+        let is_id = |line: &&str| line.trim().starts_with("\"downtown-");
+        printed.lines().find(is_id).map(|line| line.trim().to_owned()).expect("an id")
+    };
+    assert_ne!(id_in(&rerun("print", &other)), id_in(&holds));
     let mut without =
         made_data::command(&["view", text(&fixture().ood), "--rrd", text(&recording), "--force"]);
     let message = made_data::fail(without.env("HARMZONE_PYTHON", "/nowhere/python"));

@@ -20,6 +20,15 @@ fn unknown_towns_and_weathers_list_those_that_exist() {
 }
 
 #[test]
+fn unfamiliar_objects_of_ones_own_alone_need_a_folder_of_meshes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("data");
+    let message = fails(&["gen", "--ood", "--set", "scene.shipped_kinds=false", "--out", text(&out)]);
+    assert!(message.contains("shipped_kinds") && message.contains("give --models DIR"), "{message}");
+    assert!(!out.exists());
+}
+
+#[test]
 fn who_writes_several_files_into_a_folder_is_told_of_another_writer_before_the_work_begins() {
     let home = tempfile::tempdir().expect("a temporary folder");
     let at = |name: &str| home.path().join(name);

@@ -89,6 +89,44 @@ fn a_report_opens_from_disk_and_its_gallery_sorts_and_filters() {
 }
 
 #[test]
+fn what_is_gone_or_changed_of_the_scored_data_is_named_and_not_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let scores = scored(folder.path(), "ood", &["--ood"], &["--ood"]);
+    let (data, page) = (folder.path().join("ood"), folder.path().join("report.html"));
+    let report = |more: &[&str]| {
+        let fixed = ["report", text(&page), "--ood", text(&scores), "--force"];
+        let output = harmzone(&[&fixed[..], more].concat());
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let n_pictures = || fs::read_to_string(&page).unwrap().matches("data:image/jpeg;base64,").count();
+    let (code, told) = report(&[]);
+    assert!(code == Some(0) && n_pictures() > 0, "{told}");
+
+    // Missing parts of what the scores name are left out; what a flag names has to be whole.
+    for (part, left_out, refused) in [
+        ("episodes", "since their labels or episodes are not there", "/episodes/"),
+        ("labels", "since the labels that were scored are not there", "no label set `rect`"),
+    ] {
+        let elsewhere = folder.path().join("elsewhere");
+        fs::rename(data.join(part), &elsewhere).unwrap();
+        let (code, told) = report(&[]);
+        assert!(code == Some(3) && told.contains(left_out), "{told}");
+        assert_eq!(n_pictures(), 0, "{part}");
+        let (code, told) = report(&["--ood-data", text(&data)]);
+        assert!(code == Some(1) && told.contains(refused), "{told}");
+        fs::rename(elsewhere, data.join(part)).unwrap();
+    }
+    assert_eq!(report(&[]).0, Some(0), "all is there again");
+    done(&["label", text(&data), "--set", "width_m=6", "--force"]);
+    let by_flag = ["--ood-data", text(&data)];
+    for more in [&by_flag[..0], &by_flag[..]] {
+        let (code, told) = report(more);
+        assert!(code == Some(3) && told.contains("are not those that were scored"), "{told}");
+        assert_eq!(n_pictures(), 0);
+    }
+}
+
+#[test]
 fn detectors_stand_side_by_side_on_the_same_samples() {
     let Fixture { ood, run, .. } = fixture();
     let folder = tempfile::tempdir().expect("a temporary folder");

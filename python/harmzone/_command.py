@@ -12,18 +12,20 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harmzone._data import Dataset
 from harmzone._native import HarmzoneError
+from harmzone._place import is_url
+from harmzone._settings import by_dotted_key, plain, toml
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     PathText = str | os.PathLike[str]
-    Setting = str | float | bool | list[str] | list[float] | list[bool]
-    Flag = Setting | os.PathLike[str] | tuple[str | float, ...] | Mapping[str, Setting] | None
+    # Numbers of numpy and its arrays, too.
+    Setting = str | float | bool | list[Any] | tuple[Any, ...] | Mapping[str, Any]
+    Flag = Setting | os.PathLike[str] | None
 
 # Exit code of a command that is done, but for a part that it names.
 _WITH_LOSSES = 3
@@ -101,15 +103,14 @@ def _told(said: list[str], returncode: int) -> str:
 def _options(flags: Mapping[str, Flag]) -> list[str]:
     """`preset="demo", ood=True, set={"sample_period_s": 0.9}` as a command line takes them."""
     words: list[str] = []
-    for name, value in flags.items():
-        flag = "--" + name.rstrip("_").replace("_", "-")
-        if value is True:
+    for name, given in flags.items():
+        flag, value = "--" + name.rstrip("_").replace("_", "-"), plain(given)
+        if name == "set" and value is not None:
+            words += _overrides(value)
+        elif value is True:
             words.append(flag)
         elif value is None or value is False:
             continue
-        elif name == "set":
-            for key, setting in value.items():
-                words += ["--set", f"{key}={_setting(setting)}"]
         elif isinstance(value, list | tuple):
             words += [flag, ",".join(str(part) for part in value)]
         else:
@@ -117,9 +118,14 @@ def _options(flags: Mapping[str, Flag]) -> list[str]:
     return words
 
 
-def _setting(value: object) -> str:
-    """A value as TOML takes it, with bare words as they are."""
-    return value if isinstance(value, str) else json.dumps(value)
+def _overrides(settings: object) -> list[str]:
+    """`--set KEY=VALUE` for each setting. Text stands as it is, as in a shell."""
+    if not isinstance(settings, Mapping):
+        raise TypeError(f'`set` is {settings!r}; valid is a dictionary, such as {{"val_every": 2}}')
+    words: list[str] = []
+    for key, value in by_dotted_key(settings):
+        words += ["--set", f"{key}={value if isinstance(value, str) else toml(key, value)}"]
+    return words
 
 
 def gen(out: PathText, *, quiet: bool = False, **flags: Flag) -> Dataset:
@@ -132,7 +138,7 @@ def gen(out: PathText, *, quiet: bool = False, **flags: Flag) -> Dataset:
 
     """
     run("gen", "--out", out, *_options(flags), quiet=quiet)
-    return Dataset(out)
+    return _made(out)
 
 
 def label(data: PathText | Dataset, *, quiet: bool = False, **flags: Flag) -> Dataset:
@@ -142,28 +148,29 @@ def label(data: PathText | Dataset, *, quiet: bool = False, **flags: Flag) -> Da
         The data set, of the same split, with its labels.
 
     """
-    path, split = _path_of(data), data.split if isinstance(data, Dataset) else None
-    summary = json.loads(run("label", path, "--json", *_options(flags), quiet=quiet))
-    return Dataset(path, split=split, labels=summary["set"])
+    place, split = _place_of(data), data.split if isinstance(data, Dataset) else None
+    summary = json.loads(run("label", place, "--json", *_options(flags), quiet=quiet))
+    return _made(place, split=split, labels=summary["set"])
 
 
-def train(data: PathText | Dataset, out: PathText, *, quiet: bool = False, **flags: Flag) -> Path:
+def train(data: PathText | Dataset, out: PathText, *, quiet: bool = False, **flags: Flag) -> Path | str:
     """Train a detector: `harmzone train DATA --out OUT`. The same call goes on with what was interrupted.
 
     A `Dataset` also says by which labels; training and validation take the splits `train` and `val`.
 
     Returns:
-        The run's folder, which `Detector` and `evaluate` take.
+        The run's folder, which `Detector`, `predict` and `evaluate` take; or its URL, which `predict` and
+        `evaluate` take.
 
     """
-    run("train", _path_of(data), "--out", out, *_options(_said_by(data, "labels") | flags), quiet=quiet)
-    return Path(out)
+    run("train", _place_of(data), "--out", out, *_options(_said_by(data, "labels") | flags), quiet=quiet)
+    return os.fspath(out) if is_url(out) else Path(out)
 
 
 def predict(run_: PathText, data: PathText | Dataset, *, quiet: bool = False, **flags: Flag) -> str:
     """Write a detector's boxes for a data set: `harmzone predict RUN --data DATA`; returns what it says."""
     return run(
-        "predict", run_, "--data", _path_of(data), *_options(_said_by(data, "split") | flags), quiet=quiet
+        "predict", run_, "--data", _place_of(data), *_options(_said_by(data, "split") | flags), quiet=quiet
     )
 
 
@@ -173,19 +180,26 @@ def evaluate(
     """Score a detector: `harmzone eval RUN --data DATA`.
 
     Args:
-        run_: a run's folder, a checkpoint, or `small`, the network inside.
+        run_: a run's folder or URL, a checkpoint, or `small`, the network inside.
         data: a labelled data set; a `Dataset` also says which split and which labels.
         quiet: without progress.
-        flags: those of `harmzone eval`: `ood=True`, `split="val"`; `out=DIR` keeps the files.
+        flags: those of `harmzone eval`: `ood=True`, `split="val"`; `out=DIR` keeps the files, in a folder or
+            at a URL.
 
     Returns:
-        `metrics.json`, as docs/evaluation.md describes it.
+        `metrics.json`, as docs/evaluation.md describes it. Where `out` is a URL, it lacks the file's
+        `format_version` and `sha256`.
 
     """
+    flags = _said_by(data, "split", "labels") | flags
     with tempfile.TemporaryDirectory() as folder:
         out = flags.pop("out", None) or folder
-        options = _options(_said_by(data, "split", "labels") | flags)
-        run("eval", run_, "--data", _path_of(data), "--out", out, *options, quiet=quiet)
+        words = ["eval", run_, "--data", _place_of(data), "--out", out]
+        if is_url(out):
+            # The command refuses `--json` beside `--breakdown`, which only prints more.
+            flags |= {"json": True, "breakdown": None}
+            return json.loads(run(*words, *_options(flags), quiet=quiet))
+        run(*words, *_options(flags), quiet=quiet)
         return json.loads((Path(out) / "metrics.json").read_text(encoding="utf-8"))
 
 
@@ -194,5 +208,14 @@ def _said_by(data: PathText | Dataset, *names: str) -> dict[str, Flag]:
     return {name: getattr(data, name) for name in names} if isinstance(data, Dataset) else {}
 
 
-def _path_of(data: PathText | Dataset) -> PathText:
-    return data.path if isinstance(data, Dataset) else data
+def _place_of(data: PathText | Dataset) -> PathText:
+    return data.place if isinstance(data, Dataset) else data
+
+
+def _made(place: PathText, *, split: str | None = None, labels: str | None = None) -> Dataset:
+    """What a command made.
+
+    A URL is opened only when it is read: no command can write there while this process has it open.
+    """
+    opened = Dataset._when_read if is_url(place) else Dataset
+    return opened(place, split=split, labels=labels)

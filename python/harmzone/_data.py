@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harmzone import _native
+from harmzone._place import is_url
 
 if TYPE_CHECKING:
-    import os
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
@@ -51,7 +53,7 @@ class Dataset(_Base):
     if they return tensors (`collate`).
 
     Args:
-        path: the folder that `gen` or `import` made.
+        path: the folder or URL that `gen` or `import` made.
         split: `train`, `val`, `dev` or `test`; None: all samples.
         labels: name of a label set, such as `rect`; None: without harm.
 
@@ -65,6 +67,19 @@ class Dataset(_Base):
     ) -> None:
         self._how = (path, split, labels)
         self._native = _native.Dataset(path, split, labels)
+
+    @classmethod
+    def _when_read(
+        cls, path: str | os.PathLike[str], *, split: str | None = None, labels: str | None = None
+    ) -> Dataset:
+        """One that is not opened before it is read."""
+        data = cls.__new__(cls)
+        data._how = (path, split, labels)
+        return data
+
+    @cached_property
+    def _native(self) -> _native.Dataset:
+        return _native.Dataset(*self._how)
 
     def __len__(self) -> int:
         return len(self._native)
@@ -88,8 +103,14 @@ class Dataset(_Base):
 
     @property
     def path(self) -> Path:
-        """The data set's folder."""
+        """The data set's folder; of a URL the folder on this machine that its files are fetched to."""
         return Path(self._native.path)
+
+    @property
+    def place(self) -> Path | str:
+        """What commands take: the data set's folder, or its URL."""
+        given = self._how[0]
+        return os.fspath(given) if is_url(given) else self.path
 
     @property
     def split(self) -> str | None:
@@ -99,7 +120,7 @@ class Dataset(_Base):
     @property
     def labels(self) -> str | None:
         """The label set's name."""
-        return self._native.labels
+        return self._how[2]
 
     @property
     def episodes(self) -> list[dict[str, Any]]:

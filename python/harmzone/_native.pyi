@@ -58,7 +58,7 @@ class Sample:
         """(4, 4)."""
     @property
     def ego(self) -> dict[str, float]:
-        """The ego's state as measured.
+        """The ego's state as measured; labels use `true_ego`.
 
         speed_mps, steering_angle_rad, yaw_rate_rps, acceleration_mps2, wheelbase_m, front_bumper_x_m.
         """
@@ -79,7 +79,10 @@ class Sample:
         """(M, 2): over ground, along the ego's x and y, m/s; NaN where unknown."""
     @property
     def harmful(self) -> NDArray[np.bool_] | None:
-        """(M,): the labels; None in a data set without."""
+        """(M,): the labels; None in a data set without.
+
+        They use `true_ego` and the solid part of an object: `Zone.harmful(boxes, ego)` may differ.
+        """
     @property
     def object_ids(self) -> list[str | None]: ...
     @property
@@ -103,7 +106,8 @@ class Zone:
     def __new__(cls, settings: list[str] = ...) -> Zone: ...
     def harmful(
         self, boxes: NDArray[np.float64], ego: dict[str, float], velocities: NDArray[np.float64] | None = None
-    ) -> NDArray[np.bool_]: ...
+    ) -> NDArray[np.bool_]:
+        """Judges whole boxes; labels use `Sample.true_ego` and the solid part of an object: may differ."""
     def corners(self, ego: dict[str, float]) -> NDArray[np.float64]: ...
 
 class Detector:

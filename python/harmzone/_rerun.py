@@ -179,8 +179,10 @@ def main(out: str) -> None:
     """Write the recording."""
     told = messages(sys.stdin.buffer)
     header, (car_glb,) = next(told)
-    rr.init("harmzone", recording_id=header["episode"])
+    # A viewer joins recordings of one id.
+    rr.init("harmzone", recording_id=header["recording_id"])
     rr.save(out, default_blueprint=blueprint())
+    rr.send_recording_name(header["episode"])
     log_header(header, car_glb)
     for said, parts in told:
         log_sample(said, parts, header["colors"])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harmzone import _native
+from harmzone._settings import by_dotted_key, toml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,26 +31,26 @@ class Zone:
 
     Raises:
         HarmzoneError: no such kind or key, or a value that is not valid.
+        TypeError: a value that is no number, text, list or dictionary.
 
     """
 
     def __init__(self, kind: str = "rect", **settings: float | dict[str, float]) -> None:
-        words = [f"kind={kind}"]
-        for key, value in settings.items():
-            if isinstance(value, dict):
-                words += [f"{key}.{inner}={json.dumps(of_inner)}" for inner, of_inner in value.items()]
-            else:
-                words.append(f"{key}={json.dumps(value)}")
-        self._native = _native.Zone(words)
+        words = [f"{key}={toml(key, value)}" for key, value in by_dotted_key(settings)]
+        self._native = _native.Zone([f"kind={kind}", *words])
 
     def harmful(
         self, boxes: ArrayLike, ego: Mapping[str, float], velocities: ArrayLike | None = None
     ) -> NDArray[np.bool_]:
         """Whether each box is harmful.
 
+        The answer may differ from `Sample.harmful`. Labels use `Sample.true_ego`, not the measured
+        `Sample.ego`, and judge the solid part of an object and its height above the ground under it. This
+        judges the whole box, and its height above the ego's plane.
+
         Args:
             boxes: (N, 7): x, y, z, length, width, height (m), yaw (rad), ego frame.
-            ego: the ego's state, as `Sample.ego` gives it.
+            ego: the ego's state, as `Sample.true_ego` or `Sample.ego` gives it.
             velocities: (N, 2): over ground, along the ego's x and y, m/s; None: all stand. Only `ttc` and
                 `rss` use them.
 

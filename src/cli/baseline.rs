@@ -73,6 +73,13 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let dataset = args.samples.open()?;
     let judged = match rival {
         Rival::Zone(judge) => {
+            if !judge.fits(dataset.zone()) {
+                bail!(
+                    "`{}` cannot judge by zone `{}` of the labels, which has no edge to measure a distance to; the hard rules take every zone",
+                    judge.name(),
+                    dataset.zone().config().kind.name()
+                );
+            }
             let detector = trained.load(&device)?;
             let found =
                 infer::detect_for(judge, &detector, dataset.samples(), None, &device, &Bar::default())?;

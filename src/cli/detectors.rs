@@ -15,7 +15,8 @@ use crate::eval::judge::Judge;
 use crate::eval::{EvalSample, eval_samples, json};
 use crate::files::sha256_hex;
 use crate::geometry::Point;
-use crate::infer::{self, Trained};
+use crate::infer::{self, PredictError, Trained};
+use crate::model::Classes;
 use crate::object::{Detection, Harm};
 use crate::sample::EgoState;
 use crate::zone::{Zone, ZoneError};
@@ -130,12 +131,27 @@ impl OpenedDetector {
         }
     }
 
-    /// Refuses a network that learned from the samples.
+    /// Refuses a network that learned from the samples, one of kinds that is asked about harm, boxes of other samples, and a judge that
+    /// the labels' zone has nothing for.
     ///
     /// # Errors
-    /// It did, or its checkpoint cannot be read.
+    /// It is one of these, or its checkpoint cannot be read.
     pub fn check(&self, dataset: &Dataset, on_training_data: bool) -> anyhow::Result<()> {
-        let OpenedBoxes::Run { trained, .. } = &self.boxes else { return Ok(()) };
+        if !self.judge.fits(dataset.zone()) {
+            bail!(
+                "`{}` cannot judge by zone `{}`, which has no edge to measure a distance to; the hard rules take every zone",
+                self.judge.name(),
+                dataset.zone().config().kind.name()
+            );
+        }
+        let trained = match &self.boxes {
+            OpenedBoxes::Truth => return Ok(()),
+            OpenedBoxes::File { found, .. } => return Ok(json::check_samples(found, dataset)?),
+            OpenedBoxes::Run { trained, .. } => trained,
+        };
+        if self.judge.asks_the_network() && trained.config()?.head.classes == Classes::Kind {
+            return Err(PredictError::TellsKinds.into());
+        }
         let learned = tell_seen(trained, dataset.episodes())?;
         if on_training_data { Ok(()) } else { Ok(learned?) }
     }

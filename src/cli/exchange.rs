@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use clap::Args;
 
 use super::predict::tell_boxes;
@@ -113,7 +113,7 @@ pub struct ImportPredictionsArgs {
     /// zone decides, whatever the names: for detectors of cars, pedestrians and so on
     #[arg(long, default_value = "names", value_parser = one_of(HarmFlag::ALL, HarmFlag::name))]
     harm: HarmFlag,
-    /// Label set whose zone decides; without it, `rect` where it is there, else the zone of --zone and --set
+    /// With `--harm zone`: label set whose zone decides; without it, the zone of --zone and --set, else that of `rect` where it is there
     #[arg(long, value_name = "SET")]
     labels: Option<String>,
     #[command(flatten)]
@@ -130,6 +130,15 @@ pub struct ImportPredictionsArgs {
 }
 
 pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
+    if args.harm != HarmFlag::Zone && (args.labels.is_some() || args.zone.is_given()) {
+        bail!(
+            "--labels, --zone and --set say which zone decides on harm; that is with --harm zone alone (found --harm {})",
+            args.harm.name()
+        );
+    }
+    if args.labels.is_some() && args.zone.is_given() {
+        bail!("--labels takes the zone of a label set; --zone and --set give another: leave one of them out");
+    }
     let harm = match args.harm {
         HarmFlag::Names => HarmRule::Names,
         HarmFlag::CarTruck => HarmRule::CarTruck,
@@ -158,8 +167,12 @@ pub fn import(args: &ImportPredictionsArgs) -> anyhow::Result<ExitStatus> {
 /// The zone that decides on harm.
 fn zone_of(args: &ImportPredictionsArgs) -> anyhow::Result<Zone> {
     const DEFAULT_SET: &str = "rect";
-    let is_there = label_sets(&args.data)?.iter().any(|set| set == DEFAULT_SET);
-    let set = args.labels.as_deref().or_else(|| is_there.then_some(DEFAULT_SET));
+    let is_there = || Ok::<_, anyhow::Error>(label_sets(&args.data)?.iter().any(|set| set == DEFAULT_SET));
+    let set = match args.labels.as_deref() {
+        Some(set) => Some(set),
+        None if args.zone.is_given() => None,
+        None => is_there()?.then_some(DEFAULT_SET),
+    };
     let config: ZoneConfig = match set {
         Some(set) => toml::from_str(&LabelManifest::read(&args.data, set)?.zone_toml).with_context(|| {
             format!("the zone of label set `{set}` is not valid: {}", args.data.display())

@@ -97,8 +97,13 @@ pub fn run(args: GenerateArgs) -> anyhow::Result<ExitStatus> {
     config.render.aov |= args.aov;
     config.samples = args.samples.unwrap_or(config.samples);
     let own_models = match &args.models {
-        None if config.scene.own_models.is_empty() => None,
-        None => anyhow::bail!("`scene.own_models` is set by --models DIR: give the folder of the meshes"),
+        None if !config.scene.own_models.is_empty() => {
+            anyhow::bail!("`scene.own_models` is set by --models DIR: give the folder of the meshes")
+        }
+        None if config.scene.ood && !config.scene.shipped_kinds => {
+            anyhow::bail!("`scene.shipped_kinds = false` places your own objects alone: give --models DIR")
+        }
+        None => None,
         Some(_) if !config.scene.ood => anyhow::bail!("--models places unfamiliar objects: give --ood, too"),
         Some(folder) => {
             let models =

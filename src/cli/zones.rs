@@ -49,6 +49,11 @@ pub struct ZoneArgs {
 }
 
 impl ZoneArgs {
+    /// Whether any of the flags is there.
+    pub fn is_given(&self) -> bool {
+        self.zone.is_some() || !self.overrides.is_empty()
+    }
+
     pub fn load(&self) -> Result<ZoneConfig, ConfigError> {
         config::load(self.zone.as_deref(), &self.overrides)
     }

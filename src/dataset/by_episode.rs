@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use super::{DatasetError, LabelledSample, labels_of, map_episode, zone_of};
+use crate::episode::label_command;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest};
 use crate::zone::Zone;
 
@@ -64,7 +65,7 @@ impl LabelledEpisodes {
         self.labels.get(&entry.name).ok_or_else(|| DatasetError::NotLabelled {
             episode: entry.name.clone(),
             set: self.set.clone(),
-            path: self.path.clone(),
+            command: label_command(&self.path, &self.set, Some(self.zone.config())),
         })
     }
 }

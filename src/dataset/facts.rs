@@ -21,7 +21,7 @@ use crate::zone::{Zone, ZoneAt};
 
 /// Facts of a sample.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default)]
+#[serde(default, deny_unknown_fields)]
 pub struct SampleFacts {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub episode: Option<String>,

@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
-use crate::episode::{EpisodeError, EpisodeReader, SampleLabels};
+use crate::episode::{EpisodeError, EpisodeReader, SampleLabels, label_command, zone_in};
 use crate::files;
 use crate::object::{LabelledObject, Object};
 use crate::sample::{EgoState, IgnoredRegion, Measured, Sample};
@@ -47,16 +47,11 @@ pub enum DatasetError {
     Episode(#[from] EpisodeError),
     #[error("cannot read the dataset: {0}")]
     Io(#[from] std::io::Error),
-    #[error(
-        "the label set `{set}` belongs to another dataset; `harmzone label {} --labels {set} --force` makes it anew",
-        path.display()
-    )]
-    OtherLabels { set: String, path: PathBuf },
-    #[error(
-        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --labels {set}` makes them",
-        path.display()
-    )]
-    NotLabelled { episode: String, set: String, path: PathBuf },
+    /// `command`: `harmzone label` with the set's zone.
+    #[error("the label set `{set}` belongs to another dataset; `{command} --force` makes it anew")]
+    OtherLabels { set: String, command: String },
+    #[error("episode `{episode}` has no labels in set `{set}`; `{command}` makes them")]
+    NotLabelled { episode: String, set: String, command: String },
     #[error(
         "nobody annotated these episodes, so there is nothing to score or to learn from; `harmzone predict` and \
          `harmzone view` work without truth: {}",
@@ -236,7 +231,8 @@ fn episodes_of(manifest: &Manifest, split: Split, path: &Path) -> Result<Vec<Epi
 fn labels_of(path: &Path, set: &str, manifest: &Manifest) -> Result<LabelManifest, DatasetError> {
     let labels = LabelManifest::read(path, set)?;
     if labels.dataset_config_sha256 != manifest.config_sha256 {
-        return Err(DatasetError::OtherLabels { set: set.to_owned(), path: path.to_owned() });
+        let command = label_command(path, set, zone_in(&labels.zone_toml).as_ref());
+        return Err(DatasetError::OtherLabels { set: set.to_owned(), command });
     }
     Ok(labels)
 }

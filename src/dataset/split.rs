@@ -14,8 +14,8 @@ use super::recording::N_TOGETHER;
 use super::{
     Dataset, DatasetError, Fingerprint, LabelledSample, episodes_of, labels_of, load_episode, zone_of,
 };
-use crate::episode::is_any_annotated;
 use crate::episode::manifest::{EpisodeEntry, LabelEntry, LabelManifest, Manifest, ManifestError, Split};
+use crate::episode::{is_any_annotated, label_command, zone_in};
 use crate::zone::Zone;
 
 /// Episodes that are read together where all samples are handed over in order.
@@ -185,7 +185,7 @@ pub(super) fn labels_in_order(
         found.ok_or_else(|| DatasetError::NotLabelled {
             episode: entry.name.clone(),
             set: labels.set.clone(),
-            path: path.to_owned(),
+            command: label_command(path, &labels.set, zone_in(&labels.zone_toml).as_ref()),
         })
     };
     episodes.iter().map(find).collect()

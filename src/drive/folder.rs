@@ -68,7 +68,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     for origin in &origins {
         let folder = out.join(&origin.who.name);
         fs::create_dir_all(folder.join(OUTCOMES))?;
-        write_sealed(&folder.join(WHO_FILE), origin)?;
+        write_sealed(&folder.join(WHO_FILE), &origin.of_file())?;
     }
     Ok(origins)
 }

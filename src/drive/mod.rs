@@ -74,6 +74,8 @@ pub enum DriveError {
     TellsKinds { name: String },
     #[error("{name}: `{judge}` cannot judge its boxes where zone.kind is `{kind}`: {source}")]
     NoJudge { name: String, judge: &'static str, kind: &'static str, source: ZoneError },
+    #[error("{name}: split test reports once, and {message}")]
+    NoScore { name: String, message: String },
     /// In these words a worker knows it.
     #[error("out of memory: {message}")]
     OutOfMemory { message: String },

@@ -14,7 +14,7 @@ use crate::model::Classes;
 use crate::object::{Detection, Harm};
 use crate::outcome::{DRIVING, Origin, Source, Who};
 use crate::sample::EgoState;
-use crate::scene::car;
+use crate::scene::{SceneSplit, car};
 use crate::zone::Zone;
 
 /// Who a driver is, with the hash of what it drives by, and the scores from which on its boxes count.
@@ -30,7 +30,11 @@ pub(super) fn origin_of(who: &Who, config: &DriveConfig, device: DeviceName) -> 
             device.open()?;
             let (scores, is_chosen) = network_scores(&trained, *judge, [*score, *warning], reflex)?;
             if !is_chosen {
-                tell_unchosen(who, run, *judge, scores.sure);
+                let message = unchosen(run, *judge, scores.sure);
+                if config.world.scene.split == SceneSplit::Test {
+                    return Err(DriveError::NoScore { name: who.name.clone(), message });
+                }
+                tracing::warn!("{}: {message}", who.name);
             }
             let own = trained.braking_score()?.filter(|own| own.score == scores.sure);
             if let Some(other) = own.and_then(|own| own.tell_other_period(config.world.sample_period_s)) {
@@ -94,14 +98,14 @@ fn check_judge(who: &Who, judge: Judge, trained: &Trained, config: &DriveConfig)
 }
 
 /// A driver at a score that nobody chose for it brakes as often as it happens to.
-fn tell_unchosen(who: &Who, run: &Path, judge: Judge, min_score: f64) {
-    let (run, name) = (run.display(), &who.name);
+fn unchosen(run: &Path, judge: Judge, min_score: f64) -> String {
+    let run = run.display();
     let (flag, prefix) = match judge {
         Judge::Network => (String::new(), String::new()),
         _ => (format!(" --judge {}", judge.name()), format!("{}:", judge.name())),
     };
-    tracing::warn!(
-        "{name}: it brakes hard from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data \
-         DIR` finds the score for a number of false alarms a km, and {prefix}{run}@SCORE sets it"
-    );
+    format!(
+        "it brakes hard from a score of {min_score:.3}, which was not chosen for it; `harmzone calibrate {run}{flag} --data DIR` finds the \
+         score for a number of false alarms a km, and {prefix}{run}@SCORE sets it"
+    )
 }

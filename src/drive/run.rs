@@ -25,7 +25,7 @@ use crate::generate::{CheckedConfig, EpisodePlan, GenerateConfig};
 use crate::outcome::{DriveOutcome, DriveSummary, End, Origin, Source, Who, compare, worst};
 use crate::progress::Progress;
 use crate::scene::{PopulateConfig, SceneSplit, Town, map_hashes, town_names_of};
-use crate::worker::{self, Call, Engine, Errand, Program, TaskError};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError, cannot_draw};
 
 /// Which drives are recorded as episodes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -215,7 +215,7 @@ impl Drives<'_> {
             n_threads: Some((n_cores / n_jobs).max(1)),
             // An `exec:` detector may take its time for an answer.
             silence: options.silence + FIRST_FACTOR * Duration::from_secs_f64(config.reply_s),
-            befalls_all: None,
+            befalls_all: Some(cannot_draw),
         };
         let errands: Vec<Errand<Task>> = todo.iter().copied().map(Errand::from).collect();
         worker::do_all(&Engine::Local { jobs: n_jobs }, &call, &errands, &|| (), &|place, made| {

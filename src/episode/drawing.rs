@@ -3,6 +3,7 @@
 use foxglove::messages as fox;
 use foxglove::messages::line_primitive::Type as LineType;
 use foxglove::messages::points_annotation::Type as PointsType;
+use foxglove::messages::scene_entity_deletion::Type as DeletionType;
 
 use super::convert::FINITE;
 use super::error::MessageFault;
@@ -20,8 +21,11 @@ pub struct MapDrawing {
     pub drivable_area: Vec<[Point<World>; 3]>,
 }
 
-/// How long a drawn box stays: until the next sample, 0.3 s later.
+/// How long a true or labelled box and a zone stay, whatever the period of the samples: 0.3 s, its default.
 const LIFETIME_NS: u32 = 300_000_000;
+
+/// Reported boxes below this score are not drawn: a network tells dozens a sample, nearly all of them noise.
+const LEAST_DRAWN_SCORE: f64 = 0.05;
 
 /// Below this depth edges are cut, so that nothing behind the camera is drawn.
 pub(super) const NEAR_PLANE_M: f64 = 0.1;
@@ -34,6 +38,9 @@ const RED: fox::Color = color(0.9, 0.1, 0.1, 0.6);
 const BLUE: fox::Color = color(0.1, 0.35, 0.95, 0.5);
 const GREEN: fox::Color = color(0.1, 0.8, 0.2, 1.0);
 const GREEN_FILL: fox::Color = color(0.1, 0.8, 0.2, 0.25);
+/// Reported boxes have the tones of `report`'s pictures, where a test compares them.
+const AMBER: fox::Color = color(1.0, 185.0 / 255.0, 56.0 / 255.0, 0.7);
+const LILAC: fox::Color = color(203.0 / 255.0, 178.0 / 255.0, 1.0, 0.7);
 
 fn harm_color(harm: Harm) -> fox::Color {
     match harm {
@@ -133,18 +140,30 @@ pub(super) fn harm_boxes<'a>(
     update(entities.collect())
 }
 
-/// Reported boxes, the fainter the lower the score.
+/// Reported boxes from [`LEAST_DRAWN_SCORE`] on, the fainter the lower the score. They stay until the next message, which takes
+/// all before it away.
 pub(super) fn detection_boxes(time_ns: u64, detections: &[Detection]) -> fox::SceneUpdate {
-    let entities = detections.iter().enumerate().map(|(i, detection)| {
-        let paint = fox::Color { a: 0.1 + 0.6 * detection.score, ..harm_color(detection.harm) };
+    let drawn = detections.iter().enumerate().filter(|(_, found)| found.score >= LEAST_DRAWN_SCORE);
+    let entities = drawn.map(|(i, detection)| {
+        let tone = match detection.harm {
+            Harm::Harmful => AMBER,
+            Harm::Harmless => LILAC,
+        };
+        let paint = fox::Color { a: tone.a * detection.score, ..tone };
         // Printed with the digits of the message, which is a float.
         let score = (detection.score as f32).to_string();
         fox::SceneEntity {
             metadata: vec![pair("harm", detection.harm.name()), pair("score", score)],
-            ..cube(time_ns, format!("detection:{i}"), &detection.box_in_ego, paint)
+            cubes: vec![fox_cube(&detection.box_in_ego, paint)],
+            ..entity(time_ns, Ego::NAME, format!("detection:{i}"), 0)
         }
     });
-    update(entities.collect())
+    let all_before = fox::SceneEntityDeletion {
+        timestamp: Some(fox_time(time_ns)),
+        r#type: DeletionType::All.into(),
+        id: String::new(),
+    };
+    fox::SceneUpdate { deletions: vec![all_before], entities: entities.collect() }
 }
 
 /// The map that [`map_update`] drew.
@@ -323,6 +342,35 @@ mod tests {
     fn edges_behind_the_camera_or_beside_the_image_are_not_drawn() {
         assert_eq!(project_edge(&camera(), Point::new(0.0, 0.0, -1.0), Point::new(0.0, 0.0, -2.0)), None);
         assert_eq!(project_edge(&camera(), Point::new(9.0, 0.0, 1.0), Point::new(9.0, 1.0, 1.0)), None);
+    }
+
+    #[test]
+    fn reported_boxes_stay_until_the_next_sample_and_noise_is_not_drawn() {
+        let center = Point::new(9.0, 0.0, 0.8);
+        let box_in_ego = Box3 { center, length_m: 4.0, width_m: 2.0, height_m: 1.6, yaw_rad: 0.0 };
+        let found = [(Harm::Harmful, 0.04), (Harm::Harmful, 0.05), (Harm::Harmless, 1.0)];
+        let found = found.map(|(harm, score)| Detection {
+            box_in_ego,
+            velocity_in_ego_mps: [0.0; 2],
+            harm,
+            score,
+            spread: None,
+        });
+        let update = detection_boxes(7, &found);
+        let ids: Vec<&str> = update.entities.iter().map(|entity| entity.id.as_str()).collect();
+        assert_eq!(ids, ["detection:1", "detection:2"], "numbered as they are reported");
+        for (entity, paint) in update.entities.iter().zip([fox::Color { a: 0.05 * 0.7, ..AMBER }, LILAC]) {
+            let color = entity.cubes[0].color.expect("cubes are coloured");
+            assert!((color.a - paint.a).abs() < 1e-12, "{color:?}");
+            assert_eq!((color.r, color.g, color.b), (paint.r, paint.g, paint.b));
+            assert_eq!(entity.lifetime, Some(fox::Duration::new(0, 0)));
+        }
+        // Whatever the sample shows, the boxes before it go.
+        for update in [update, detection_boxes(8, &[])] {
+            let [gone] = update.deletions.as_slice() else { panic!("one deletion: {update:?}") };
+            assert_eq!(gone.r#type, i32::from(DeletionType::All));
+            assert!(gone.timestamp.is_some());
+        }
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub struct SampleCommand {
     pub braking_mps2: Option<f64>,
     /// The true speed just after.
     pub speed_mps: f64,
-    /// Whether anything in the zone was truly harmful.
+    /// Whether anything was truly harmful: in the zone, or about to meet the ego.
     pub is_harmful: bool,
 }
 

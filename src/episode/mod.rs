@@ -18,6 +18,7 @@ pub mod folder;
 mod foreign;
 #[cfg(test)]
 mod foreign_tests;
+mod label_command;
 mod labels;
 mod log;
 mod made_with;
@@ -45,6 +46,7 @@ pub use drawing::MapDrawing;
 pub use drive_log::{CommandReader, DriveLogWriter, SampleCommand};
 pub use error::{EpisodeError, MessageFault, tell_damage};
 pub use foreign::{ForeignFile, ForeignMessage, ForeignSchema, ForeignTopic, MessagePlace};
+pub use label_command::{label_command, zone_in};
 pub use labels::{LabelReader, LabelWriter, ObjectLabel, SampleLabels};
 pub use log::{Labelled, LogFacts, SizeRange};
 pub use made_with::{MadeWith, cpu};

@@ -73,7 +73,8 @@ define_config! {
         visible_fraction: Vec<f64> = vec![0.1, 0.25, 0.5, 0.75, 0.9], in EDGES;
         /// LiDAR points on the object. Default 3, 6, 11, 21, 51, 101.
         n_lidar_points: Vec<f64> = vec![3.0, 6.0, 11.0, 21.0, 51.0, 101.0], in EDGES;
-        /// Rings of the LiDAR with a point: what is left of 16, 32, 64 beams and more. Default 17, 33, 65.
+        /// Beams of the LiDAR that are alive, by the episode's rig, else its rings with a point: up to 16, 32, 64 and more.
+        /// Default 17, 33, 65.
         n_lidar_rings: Vec<f64> = vec![17.0, 33.0, 65.0], in EDGES;
         /// The ego's speed, m/s. Default 0.5, 3, 6, 9, 12.
         speed_mps: Vec<f64> = vec![0.5, 3.0, 6.0, 9.0, 12.0], in EDGES;

@@ -66,7 +66,7 @@ fn token_of(sample: &NamedSample<'_>) -> Token {
 
 /// The ego's pose in the global frame of an export.
 fn global_from_ego(frames: &GlobalFrames, sample: &NamedSample<'_>) -> Transform<World, Ego> {
-    frames.global_from_world(&sample.episode.town) * sample.measured.world_from_ego
+    frames.global_from_world(&sample.episode.name) * sample.measured.world_from_ego
 }
 
 impl ResultsWriter {

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::episode::manifest::{LabelManifest, ManifestError};
-use crate::episode::{EpisodeEntry, EpisodeError, EpisodeReader, LabelReader, Manifest};
+use crate::episode::{
+    EpisodeEntry, EpisodeError, EpisodeReader, LabelReader, Manifest, label_command, zone_in,
+};
 use crate::files::FolderError;
 use crate::object::Harm;
 use crate::sample::Sample;
@@ -26,8 +28,9 @@ pub enum ExportError {
     Io(#[from] std::io::Error),
     #[error("the data set holds no episode: {}", path.display())]
     NoEpisodes { path: PathBuf },
-    #[error("episode `{episode}` has no labels in set `{set}`; `harmzone label {} --labels {set}` makes them", path.display())]
-    NotLabelled { episode: String, set: String, path: PathBuf },
+    /// `command`: `harmzone label` with the set's zone.
+    #[error("episode `{episode}` has no labels in set `{set}`; `{command}` makes them")]
+    NotLabelled { episode: String, set: String, command: String },
     #[error("episode `{episode}`, sample {sample_idx}: its labels are not of its objects; label the data set again: {}", path.display())]
     Mismatch { episode: String, sample_idx: usize, path: PathBuf },
     #[error("{message}: {}", path.display())]
@@ -87,8 +90,9 @@ impl DataSource {
 
     fn labels_of(&self, entry: &EpisodeEntry, labels: &LabelManifest) -> Result<LabelReader, ExportError> {
         let Some(label) = labels.episodes.iter().find(|label| label.name == entry.name) else {
-            let (episode, set, path) = (entry.name.clone(), labels.set.clone(), self.path.clone());
-            return Err(ExportError::NotLabelled { episode, set, path });
+            let command = label_command(&self.path, &labels.set, zone_in(&labels.zone_toml).as_ref());
+            let (episode, set) = (entry.name.clone(), labels.set.clone());
+            return Err(ExportError::NotLabelled { episode, set, command });
         };
         let reader = LabelReader::open(&LabelManifest::folder(&self.path, &labels.set).join(&label.file))?;
         reader.check_episode(&entry.sha256)?;

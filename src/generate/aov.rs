@@ -41,11 +41,32 @@ pub(super) fn find_whole(
 ) -> std::io::Result<Option<Vec<PathBuf>>> {
     let inside = Path::new(AOV).join(&entry.name);
     let found = store::files_below(&data_set.join(&inside))?;
-    let n_pictures =
-        found.iter().filter(|file| file.extension().is_some_and(|suffix| suffix == SUFFIX)).count();
-    let is_whole =
-        n_pictures == n_cameras * entry.n_samples && found.iter().any(|file| file == Path::new(OBJECTS_FILE));
+    let is_whole = lack_of(&found, n_cameras * entry.n_samples).is_none();
     Ok(is_whole.then(|| found.iter().map(|file| inside.join(file)).collect()))
+}
+
+/// What an episode lacks of its pictures, in words; `None` where they are whole.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn lacking_pictures(
+    data_set: &Path,
+    entry: &EpisodeEntry,
+    n_cameras: usize,
+) -> std::io::Result<Option<String>> {
+    let found = store::files_below(&data_set.join(AOV).join(&entry.name))?;
+    Ok(lack_of(&found, n_cameras * entry.n_samples))
+}
+
+/// What the files of an episode's pictures lack.
+fn lack_of(files: &[PathBuf], wanted: usize) -> Option<String> {
+    let is_picture = |file: &&PathBuf| file.extension().is_some_and(|suffix| suffix == SUFFIX);
+    let n_pictures = files.iter().filter(is_picture).count();
+    if n_pictures != wanted {
+        return Some(format!("{n_pictures} of {wanted} further pictures are there"));
+    }
+    let has_objects = files.iter().any(|file| file == Path::new(OBJECTS_FILE));
+    (!has_objects).then(|| format!("{OBJECTS_FILE} of the further pictures is missing"))
 }
 
 #[derive(Debug, Serialize)]

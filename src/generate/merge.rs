@@ -19,7 +19,7 @@ use super::{CheckedConfig, GenerateConfig, GenerateError, plan};
 use crate::config::{self, ConfigError};
 use crate::episode::folder::{AOV, is_whole, remove_unfinished};
 use crate::episode::manifest::{LabelCounts, label_sets};
-use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard};
+use crate::episode::{EpisodeEntry, LabelManifest, Manifest, ManifestError, Shard, label_command, zone_in};
 use crate::files::{self, FolderLock, bytes_to_copy, check_room, holds_anything, sha256_hex, write_atomic};
 use crate::interrupt;
 use crate::progress::Progress;
@@ -60,6 +60,11 @@ pub enum MergeError {
     Labels { set: String, commands: Vec<String> },
     #[error("the folder holds other things than this merge; give a new folder: {}", path.display())]
     ForeignFolder { path: PathBuf },
+    #[error(
+        "the folder holds a data set of {found} episodes, and this merge has {wanted}, without some of them; give a new folder: {}",
+        path.display()
+    )]
+    Larger { found: usize, wanted: usize, path: PathBuf },
 }
 
 fn names(named: &[String], n: usize) -> String {
@@ -131,7 +136,7 @@ pub fn merge(shards: &[PathBuf], out: &Path, progress: &dyn Progress) -> Result<
     let labels: Vec<(LabelManifest, Vec<PathBuf>)> =
         sets.iter().map(|set| join_labels(set, &shards, &ordered)).collect::<Result<_, _>>()?;
     let _lock = FolderLock::take(out)?;
-    open(out, &config_toml)?;
+    open(out, &config_toml, &number_of)?;
     remove_unfinished(out)?;
 
     let episodes = ordered.iter().map(|(shard, entry)| (shard.path.join(&entry.file), out.join(&entry.file)));
@@ -278,8 +283,10 @@ fn common_label_sets(shards: &[ShardFolder]) -> Result<Vec<String>, MergeError> 
         let without = sets_of.iter().filter(|(_, sets)| !sets.contains(set)).map(|(shard, _)| *shard);
         let without: Vec<&ShardFolder> = without.collect();
         if !without.is_empty() {
-            let command =
-                |shard: &&ShardFolder| format!("harmzone label {} --labels {set}", shard.path.display());
+            let with = sets_of.iter().find(|(_, sets)| sets.contains(set));
+            let labels = with.and_then(|(shard, _)| LabelManifest::read(&shard.path, set).ok());
+            let zone = labels.and_then(|labels| zone_in(&labels.zone_toml));
+            let command = |shard: &&ShardFolder| label_command(&shard.path, set, zone.as_ref());
             let commands = without.iter().map(command).collect();
             return Err(MergeError::Labels { set: set.clone(), commands });
         }
@@ -319,7 +326,8 @@ fn join_labels(
         let of_episode =
             of_name.remove(&entry.name).filter(|(_, label)| label.episode_sha256 == entry.sha256);
         let Some((path, label)) = of_episode else {
-            let commands = vec![format!("harmzone label {} --labels {set} --force", shard.path.display())];
+            let command = label_command(&shard.path, set, zone_in(&joined.zone_toml).as_ref());
+            let commands = vec![format!("{command} --force")];
             return Err(MergeError::Labels { set: set.to_owned(), commands });
         };
         files.push(path);
@@ -329,15 +337,21 @@ fn join_labels(
     Ok((joined, files))
 }
 
-/// Prepares the folder: a new one, or that of an earlier, equal merge.
-fn open(out: &Path, config_toml: &str) -> Result<(), MergeError> {
+/// Prepares the folder: a new one, or that of an earlier, equal merge. `number_of`: the episodes of this one by name.
+fn open(out: &Path, config_toml: &str, number_of: &BTreeMap<&str, u32>) -> Result<(), MergeError> {
     let path = out.join(CONFIG_FILE);
     let is_ours = fs::read_to_string(&path).is_ok_and(|found| found == config_toml);
     let is_used = holds_anything(out)?;
     // A shard's own folder has its config, too, and is not to become the whole.
-    let is_shard = Manifest::read(out).is_ok_and(|manifest| manifest.part.is_some());
+    let found = Manifest::read(out).ok();
+    let is_shard = found.as_ref().is_some_and(|manifest| manifest.part.is_some());
     if is_used && (!is_ours || is_shard) {
         return Err(MergeError::ForeignFolder { path: out.to_owned() });
+    }
+    let is_lacking = |entry: &EpisodeEntry| !number_of.contains_key(entry.name.as_str());
+    if let Some(found) = found.filter(|manifest| manifest.episodes.iter().any(is_lacking)) {
+        let (found, wanted) = (found.episodes.len(), number_of.len());
+        return Err(MergeError::Larger { found, wanted, path: out.to_owned() });
     }
     fs::create_dir_all(out)?;
     Ok(write_atomic(&path, config_toml.as_bytes())?)

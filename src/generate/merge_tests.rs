@@ -178,6 +178,38 @@ fn what_does_not_belong_together_is_refused() {
 }
 
 #[test]
+fn the_commands_that_label_name_the_zone_of_the_set() {
+    let Shards { root, paths } = shards();
+    let out = root.path().join("out");
+    for path in &paths {
+        let mut labels = LabelManifest::read(path, "rect").unwrap();
+        labels.zone_toml = "width_m = 4.0\n".into();
+        if *path == paths[1] {
+            labels.episodes[0].episode_sha256 = "0".repeat(64);
+        }
+        labels.write(path).unwrap();
+    }
+    let command = format!("harmzone label {} --labels rect --set width_m=4.0", paths[1].display());
+    assert!(tell(&paths, &out).contains(&format!("{command} --force")));
+    fs::remove_file(paths[1].join("labels/rect/labels.json")).unwrap();
+    assert!(tell(&paths, &out).ends_with(&command));
+}
+
+#[test]
+fn a_larger_data_set_of_the_same_config_is_not_cut_to_the_merge() {
+    let Shards { root, paths } = shards();
+    let out = root.path().join("out");
+    merge(&paths, &out, &Silent).unwrap();
+    let mut larger = Manifest::read(&out).unwrap();
+    let (name, file) = ("one-more".to_owned(), "episodes/one-more.mcap".to_owned());
+    larger.episodes.push(EpisodeEntry { name, file, ..larger.episodes[0].clone() });
+    larger.write(&out).unwrap();
+    let told = tell(&paths, &out);
+    assert!(told.contains("of 8 episodes, and this merge has 7") && told.ends_with("out"), "{told}");
+    assert_eq!(Manifest::read(&out).unwrap(), larger);
+}
+
+#[test]
 fn a_folder_with_other_things_is_left_alone() {
     let Shards { root, paths } = shards();
     let out = root.path().join("out");

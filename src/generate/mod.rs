@@ -42,6 +42,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+pub use aov::lacking_pictures;
 pub use config::{
     ALL, AnnotationConfig, CONTROL_PERIOD_S, CheckedConfig, GenerateConfig, LidarEngine, RenderConfig,
     RendererName,

@@ -22,7 +22,7 @@ use crate::progress::Progress;
 use crate::scene::{OwnModels, Town, map_hashes};
 use crate::sensors::{RigCameraConfig, RigLidarConfig};
 use crate::store;
-use crate::worker::{self, CANNOT_DRAW, Call, Engine, Errand, Program, TaskError};
+use crate::worker::{self, Call, Engine, Errand, Program, TaskError, cannot_draw};
 
 /// How a data set is made; this does not change its bytes.
 #[derive(Debug, Clone)]
@@ -123,7 +123,7 @@ pub fn run(
         shared: files_in(&folder, Path::new(folder::OWN_MODELS))?,
         n_threads: None,
         silence: options.silence,
-        befalls_all: Some(is_about_the_screen),
+        befalls_all: Some(cannot_draw),
     };
     let errands: Vec<Errand<Task>> =
         todo.iter().map(|&i| Errand::from(Task { episode_idx: numbers[i] })).collect();
@@ -166,12 +166,6 @@ pub fn run(
     progress.finish();
     let lost = lost.into_inner().expect("no worker thread panics");
     Ok(GenerateSummary { lost, ..summarise(&manifest, out, n_kept) })
-}
-
-/// Whether a worker had no OpenGL context: on a machine that cannot draw, that befalls every episode. Where one was made, the
-/// machine can, and it was that worker's bad luck, such as memory that was short for a moment.
-fn is_about_the_screen(failure: &str) -> bool {
-    failure.contains(CANNOT_DRAW)
 }
 
 /// Bytes that a sample takes at the least. With JPEG quality 85 a picture has 0.3 bytes a pixel, its further ones 0.46, and a front
@@ -282,8 +276,8 @@ mod tests {
     #[test]
     fn a_worker_without_opengl_is_known_by_its_words() {
         let no_gl = || GenerateError::from(SimError::NoGl { message: "no display".into() });
-        assert!(is_about_the_screen(&with_causes(&no_gl())));
-        assert!(!is_about_the_screen(&with_causes(&GenerateError::TooMany { n_episodes: 1 })));
+        assert!(cannot_draw(&with_causes(&no_gl())));
+        assert!(!cannot_draw(&with_causes(&GenerateError::TooMany { n_episodes: 1 })));
         // There is memory here, so that a machine that cannot draw is told as one.
         assert!(!lacks_memory(&with_causes(&no_gl())));
     }

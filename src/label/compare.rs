@@ -1,6 +1,7 @@
 //! The same objects labelled by several zones: how many each calls harmful, and on which objects they differ.
 //!
-//! Nothing is written; every annotated box counts once in each sample it is in.
+//! Nothing is written; every annotated box counts once in each sample it is in. An object of unknown velocity, as in logs that tell none,
+//! is left out and counted where one of the zones asks for it.
 
 use std::fmt;
 use std::path::Path;
@@ -15,6 +16,7 @@ use crate::episode::EpisodeReader;
 use crate::episode::manifest::{EpisodeEntry, HarmCounts, LabelCounts, Manifest};
 use crate::object::{Distribution, Harm, Kind, Object};
 use crate::progress::Progress;
+use crate::sample::EgoState;
 use crate::text_table::text_table;
 use crate::zone::Zone;
 
@@ -27,6 +29,8 @@ pub struct ZoneComparison {
     pub n_episodes: u64,
     pub n_samples: u64,
     pub n_objects: u64,
+    /// Objects that are left out, as their velocity is unknown and a zone asks for it.
+    pub n_without_velocity: u64,
     pub zones: Vec<ZoneCounts>,
     /// `[row][column]`: objects that are harmful by the row's zone and harmless by the column's, in the order of `zones`.
     pub change_sides: Vec<Vec<u64>>,
@@ -89,6 +93,7 @@ struct Tally {
     change_sides: Vec<Vec<u64>>,
     both: Vec<Vec<u64>>,
     n_harmful_by: Vec<u64>,
+    n_without_velocity: u64,
     /// For each sample, the number of objects on which zones differ.
     n_disputed: Vec<usize>,
 }
@@ -102,6 +107,7 @@ impl Tally {
             change_sides: vec![vec![0; n_zones]; n_zones],
             both: vec![vec![0; n_zones]; n_zones],
             n_harmful_by: vec![0; n_zones + 1],
+            n_without_velocity: 0,
             n_disputed: Vec::new(),
         }
     }
@@ -110,7 +116,11 @@ impl Tally {
         let mut tally = Self::new(zones.len());
         let reader = EpisodeReader::open_entry(dataset, entry)?;
         for (sample_idx, sample) in reader.samples().enumerate() {
-            let sample = sample?;
+            let mut sample = sample?;
+            let state = *sample.true_state();
+            if let Some(truth) = &mut sample.truth {
+                tally.n_without_velocity += leave_out_unknown(&mut truth.objects, zones, &state);
+            }
             let harms_by = |zone: &Zone| -> Result<Vec<Harm>, LabelError> {
                 let labels = label_sample(zone, &entry.name, sample_idx, &sample)?.labels;
                 Ok(labels.iter().map(|label| label.harm).collect())
@@ -156,6 +166,7 @@ impl Tally {
             pairs.for_each(|(into, from)| *into += from);
         }
         self.n_harmful_by.iter_mut().zip(other.n_harmful_by).for_each(|(into, from)| *into += from);
+        self.n_without_velocity += other.n_without_velocity;
         self.n_disputed.extend(other.n_disputed);
     }
 
@@ -181,6 +192,7 @@ impl Tally {
             n_episodes,
             n_samples: self.n_disputed.len() as u64,
             n_objects: self.n_harmful_by.iter().sum(),
+            n_without_velocity: self.n_without_velocity,
             zones,
             change_sides: self.change_sides,
             agreement,
@@ -188,6 +200,14 @@ impl Tally {
             most_disputed_sample: most.and_then(|most| self.n_disputed.iter().position(|&n| n == most)),
         }
     }
+}
+
+/// Takes the objects of unknown velocity out where one of the zones asks for it, and tells how many.
+fn leave_out_unknown(objects: &mut Vec<Object>, zones: &[Zone], state: &EgoState) -> u64 {
+    let is_asked = zones.iter().any(|zone| zone.at(state).is_ok_and(|here| here.uses_velocity()));
+    let n_all = objects.len();
+    objects.retain(|object| !is_asked || object.velocity_in_ego_mps.iter().all(|part| part.is_finite()));
+    (n_all - objects.len()) as u64
 }
 
 impl fmt::Display for ZoneComparison {
@@ -203,6 +223,13 @@ impl fmt::Display for ZoneComparison {
             "{} episodes, {} samples, {} objects, each labelled by every zone\n",
             self.n_episodes, self.n_samples, self.n_objects
         )?;
+        if self.n_without_velocity > 0 {
+            writeln!(
+                f,
+                "{} objects are left out: their velocity is unknown, and `ttc` and `rss` go by it\n",
+                self.n_without_velocity
+            )?;
+        }
         let columns = [
             ("id", Some(Distribution::Id), None),
             ("ood", Some(Distribution::Ood), None),
@@ -249,7 +276,6 @@ mod tests {
     use super::*;
     use crate::geometry::{Box3, Point};
     use crate::random;
-    use crate::sample::EgoState;
     use crate::zone::{ZoneConfig, ZoneKind};
 
     fn tally(n_samples: usize, velocity_in_ego_mps: [f64; 2]) -> Tally {
@@ -258,14 +284,7 @@ mod tests {
         let mut tally = Tally::new(zones.len());
         let mut rng = random::stream(3, "zone-comparison", 0);
         for _ in 0..n_samples {
-            let ego = EgoState {
-                speed_mps: rng.random_range(0.0..12.0),
-                steering_angle_rad: rng.random_range(-0.2..0.2),
-                yaw_rate_rps: 0.0,
-                acceleration_mps2: 0.0,
-                wheelbase_m: 2.6,
-                front_bumper_x_m: 3.3,
-            };
+            let ego = state(rng.random_range(0.0..12.0), rng.random_range(-0.2..0.2));
             let objects: Vec<Object> = (0..5)
                 .map(|i| {
                     let x_m = rng.random_range(6.0..45.0);
@@ -279,6 +298,17 @@ mod tests {
             tally.add(&objects, &harms);
         }
         tally
+    }
+
+    fn state(speed_mps: f64, steering_angle_rad: f64) -> EgoState {
+        EgoState {
+            speed_mps,
+            steering_angle_rad,
+            yaw_rate_rps: 0.0,
+            acceleration_mps2: 0.0,
+            wheelbase_m: 2.6,
+            front_bumper_x_m: 3.3,
+        }
     }
 
     fn car(i: usize, [x_m, y_m]: [f64; 2], velocity_in_ego_mps: [f64; 2]) -> Object {
@@ -329,6 +359,18 @@ mod tests {
             assert_eq!(more, ["ttc", "rss"].contains(&a.zone.as_str()), "{}", a.zone);
             assert_eq!(b.standing, HarmCounts::default());
         }
+    }
+
+    #[test]
+    fn objects_of_unknown_velocity_are_left_out_where_a_zone_asks_for_it() {
+        let zone = |kind| Zone::try_from(ZoneConfig { kind, ..ZoneConfig::default() }).unwrap();
+        let [rect, ttc] = [ZoneKind::Rect, ZoneKind::Ttc].map(zone);
+        let all = [car(0, [10.0, 0.0], [1.0, 0.0]), car(1, [20.0, 0.0], [f64::NAN; 2])];
+        let left = |zones: &[Zone]| {
+            let mut objects = all.to_vec();
+            (leave_out_unknown(&mut objects, zones, &state(8.0, 0.0)), objects.len())
+        };
+        assert_eq!((left(std::slice::from_ref(&rect)), left(&[rect.clone(), ttc.clone()])), ((0, 2), (1, 1)));
     }
 
     #[test]

@@ -46,6 +46,10 @@ impl fmt::Display for LabelSummary {
         if self.was_complete {
             writeln!(f, "label set `{}` is complete and of the same zone; nothing to do", self.set)?;
         }
+        if self.n_episodes == 0 && self.lost.is_empty() {
+            let none = "this part has no episode, so that nothing was labelled";
+            return write!(f, "label set `{}`: {none}", self.set);
+        }
         let all = count_of(&self.counts, None, None);
         let total = all.harmful + all.harmless;
         let each = if self.n_samples > 0 { total as f64 / self.n_samples as f64 } else { 0.0 };

@@ -88,28 +88,40 @@ impl<'a> LabelledSoFar<'a> {
     }
 }
 
-/// What a run that was to label this part has left of it, if all that is of the part still: where episodes were added since, it is of
-/// others. Else as [`find`].
+/// The names of a part's episodes.
+fn names_of(shard: Shard, dataset: &Manifest) -> HashSet<&str> {
+    let of_shard = (0..).zip(&dataset.episodes).filter(|(number, _)| shard.holds(*number));
+    of_shard.map(|(_, entry)| entry.name.as_str()).collect()
+}
+
+fn is_of(part: &LabelManifest, names: &HashSet<&str>) -> bool {
+    part.episodes.iter().all(|entry| names.contains(entry.name.as_str()))
+}
+
+/// What runs that were to label this part have left of it, if all that is of the part still: where episodes were added since, it may be
+/// of others. A part that was whole before is such a beginning, too. Else as [`find`].
 pub(super) fn find_so_far(
     folder: &Path,
     shard: Shard,
     zone_toml: &str,
     dataset: &Manifest,
 ) -> Option<LabelManifest> {
-    let of_shard = (0..).zip(&dataset.episodes).filter(|(number, _)| shard.holds(*number));
-    let of_shard: HashSet<&str> = of_shard.map(|(_, entry)| entry.name.as_str()).collect();
-    let so_far = read_whole(&path_so_far(folder, Some(shard)), folder, zone_toml, &dataset.hash_of_name())?;
-    so_far.episodes.iter().all(|entry| of_shard.contains(entry.name.as_str())).then_some(so_far)
+    let (names, hashes) = (names_of(shard, dataset), dataset.hash_of_name());
+    let paths = [path_of(folder, shard), path_so_far(folder, Some(shard))];
+    let found = paths.iter().filter_map(|path| read_whole(path, folder, zone_toml, &hashes));
+    found.filter(|part| is_of(part, &names)).max_by_key(|part| part.episodes.len())
 }
 
-/// A part of the set, if it is as it was written, by this zone and for these episodes.
+/// A part of the set, if it is as it was written, by this zone, and has all episodes of the part and no others.
 pub(super) fn find(
     folder: &Path,
     shard: Shard,
     zone_toml: &str,
     dataset: &Manifest,
 ) -> Option<LabelManifest> {
-    read_whole(&path_of(folder, shard), folder, zone_toml, &dataset.hash_of_name())
+    let names = names_of(shard, dataset);
+    let part = read_whole(&path_of(folder, shard), folder, zone_toml, &dataset.hash_of_name())?;
+    (part.episodes.len() == names.len() && is_of(&part, &names)).then_some(part)
 }
 
 /// All such parts, the largest first: what a whole run has noted holds the parts that it began with. No episode is in two of them.

@@ -53,7 +53,7 @@ pub fn run(
 ///
 /// A set that is complete and of the same zone is left as it is and its counts are returned. Parts that are there, and what an
 /// earlier run has left of the same set, are joined: only what they lack is labelled. Where workers were lost, the set is left
-/// unfinished, and the summary says of which episodes.
+/// unfinished, and the summary says of which episodes. A shard of a data set that has no episode has nothing to label.
 ///
 /// # Errors
 /// [`LabelError`]; a set of another zone or of other episodes is kept unless `options.force`. Of several broken episodes the first
@@ -73,7 +73,11 @@ pub fn run_with(
     let zone_toml = config::to_toml(zone_config);
     let manifest = Manifest::read(dataset)?;
     if manifest.episodes.is_empty() {
-        return Err(LabelError::NoEpisodes { path: dataset.to_owned() });
+        // Of more shards than episodes some have none.
+        return match manifest.part {
+            Some(_) => Ok(summary(&LabelManifest::new(set, zone_toml, &manifest), false)),
+            None => Err(LabelError::NoEpisodes { path: dataset.to_owned() }),
+        };
     }
     let folder = LabelManifest::folder(dataset, set);
     if !options.force
@@ -210,6 +214,7 @@ mod tests {
 
     use super::*;
     use crate::dataset::test_data;
+    use crate::episode::PartOf;
     use crate::progress::Silent;
     use crate::worker::{Engine, Program};
     use crate::zone::ZoneKind;
@@ -303,6 +308,37 @@ mod tests {
         stopped.label(None).unwrap();
         assert_eq!(stopped.written_since(before), [1]);
         assert_eq!(stopped.files(), stopped.unbroken);
+    }
+
+    #[test]
+    fn a_part_of_a_data_set_that_has_grown_gets_the_labels_that_it_lacks() {
+        let home = tempfile::tempdir().unwrap();
+        test_data::write(home.path(), &[2, 3, 1]);
+        let whole = Manifest::read(home.path()).unwrap();
+        let options = LabelOptions { shard: Some("0/2".parse().unwrap()), ..LabelOptions::default() };
+        let label = || run_with(home.path(), &ZoneConfig::default(), SET, &options, &Silent).unwrap();
+        Manifest { episodes: whole.episodes[..2].to_vec(), ..whole.clone() }.write(home.path()).unwrap();
+        assert_eq!((label().n_episodes, label().was_complete), (1, true));
+        whole.write(home.path()).unwrap();
+        let first = LabelManifest::folder(home.path(), SET).join("made-0.mcap");
+        let written = || fs::metadata(&first).unwrap().modified().unwrap();
+        let before = written();
+        let grown = label();
+        assert_eq!((grown.n_episodes, grown.n_samples, grown.was_complete), (2, 3, false));
+        assert!(label().was_complete && written() == before, "what is there is kept");
+    }
+
+    #[test]
+    fn a_shard_without_episodes_has_nothing_to_label_and_a_whole_set_without_is_an_error() {
+        let home = tempfile::tempdir().unwrap();
+        let label = || run(home.path(), &ZoneConfig::default(), SET, false, &Silent);
+        let mut manifest = Manifest::new("0".repeat(64), 0, false);
+        manifest.write(home.path()).unwrap();
+        assert!(matches!(label(), Err(LabelError::NoEpisodes { .. })));
+        manifest.part = Some(PartOf { shard: "2/3".parse().unwrap(), n_episodes: 2 });
+        manifest.write(home.path()).unwrap();
+        let told = label().unwrap().to_string();
+        assert_eq!(told, "label set `again`: this part has no episode, so that nothing was labelled");
     }
 
     #[test]

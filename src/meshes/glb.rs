@@ -10,13 +10,14 @@ use nalgebra::{Matrix4, Point3};
 
 use super::{Content, MOST_TRIANGLES, MeshPart, UpAxis, named_texture, texture};
 
-pub(super) fn read(bytes: &[u8], folder: &Path) -> Result<Content, String> {
+pub(super) fn read(bytes: &[u8], path: &Path, folder: &Path) -> Result<Content, String> {
     let no_whole_file = |error: gltf::Error| format!("it is not a whole GLB file: {error}");
     check_attributes(&gltf::Gltf::from_slice_without_validation(bytes).map_err(no_whole_file)?.document)?;
     let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(no_whole_file)?;
     let blob = blob.ok_or("it has no binary part; glTF in several files is not read")?;
     let mut reader = Reader {
         blob: &blob,
+        base: path.parent().unwrap_or(folder),
         folder,
         n_left: document.nodes().len(),
         n_numbers: 0,
@@ -51,6 +52,8 @@ const MOST_NUMBERS: usize = 12 * MOST_TRIANGLES;
 
 struct Reader<'a> {
     blob: &'a [u8],
+    /// The file's own folder, from which it names others, and the one that they must lie in.
+    base: &'a Path,
     folder: &'a Path,
     /// Nodes that can still come: each lies in one other at most.
     n_left: usize,
@@ -134,7 +137,7 @@ impl Reader<'_> {
                 let bytes = end.and_then(|end| self.blob.get(view.offset()..end));
                 texture(bytes.ok_or("a texture ends beyond the file")?).map(Some)
             }
-            Source::Uri { uri, .. } => named_texture(self.folder, self.folder, uri, &mut self.notes),
+            Source::Uri { uri, .. } => named_texture(self.folder, self.base, uri, &mut self.notes),
         }
     }
 }

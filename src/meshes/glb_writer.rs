@@ -128,8 +128,9 @@ mod tests {
             color: [1.0, 0.5, 0.0],
             ..MeshPart::default()
         };
+        let nowhere = std::path::Path::new("");
         let content =
-            super::super::glb::read(&to_glb(std::slice::from_ref(&part)), std::path::Path::new("")).unwrap();
+            super::super::glb::read(&to_glb(std::slice::from_ref(&part)), nowhere, nowhere).unwrap();
         let [read] = content.parts.as_slice() else { panic!("{} parts", content.parts.len()) };
         assert_eq!(read.triangles, part.triangles);
         assert_eq!(read.positions[2], [0.0, 3.0, -2.0]);

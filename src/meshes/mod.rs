@@ -63,7 +63,7 @@ fn read(path: &Path, folder: &Path) -> Result<Content, String> {
     let bytes = fs::read(path).map_err(|error| error.to_string())?;
     let extension = path.extension().and_then(|end| end.to_str()).unwrap_or_default().to_lowercase();
     let content = match extension.as_str() {
-        "glb" => glb::read(&bytes, folder)?,
+        "glb" => glb::read(&bytes, path, folder)?,
         "obj" => obj::read(&bytes, path, folder)?,
         "stl" => stl::read(&bytes)?,
         _ => return Err(format!("it ends in none of {EXTENSIONS:?}")),

@@ -34,9 +34,10 @@ pub(super) fn read(bytes: &[u8], path: &Path, folder: &Path) -> Result<Content, 
         let material = mesh.material_id.and_then(|id| materials.get(id));
         let texture_file = material.and_then(|material| material.diffuse_texture.as_deref());
         let texture = match texture_file.filter(|_| !mesh.texcoords.is_empty()) {
-            // Options such as `-s 1 1 1` stand before the name.
+            // Names may have spaces, and options such as `-s 1 1 1` stand before them.
             Some(words) => {
-                let name = words.split_whitespace().last().unwrap_or(words);
+                let last = words.split_whitespace().last().unwrap_or(words);
+                let name = if named_file(folder, base, words).is_ok() { words } else { last };
                 named_texture(folder, base, name, &mut notes)?
             }
             None => None,

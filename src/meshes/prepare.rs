@@ -18,6 +18,9 @@ const LIKELY_M: std::ops::RangeInclusive<f64> = 0.15..=4.0;
 /// full suitcase 150, a boar 900.
 const DENSITY_KGPM3: f64 = 150.0;
 
+/// Boxes have no thinner side: below, an object cannot be told from the road.
+const THINNEST_M: f64 = 0.005;
+
 /// A square millimetre.
 const LEAST_AREA_M2: f64 = 1e-6;
 
@@ -96,6 +99,13 @@ pub fn prepare(path: &Path, folder: &Path, settings: &Settings) -> Result<Prepar
     parts.retain(|part| area_m2(part) > LEAST_AREA_M2);
     if parts.is_empty() {
         return Err("its triangles are lines or points: they have no area".into());
+    }
+    let shortest_m = extent(&parts).1.min();
+    if shortest_m < THINNEST_M {
+        return Err(format!(
+            "its shortest side is {shortest_m:.4} m; more than {THINNEST_M} m is valid: give it some thickness, or a greater \
+             `longest_m` in models.toml"
+        ));
     }
     let hulls = hulls(&parts, n_open == 0);
     let volume_m3: f64 = hulls.iter().map(|hull| hull.volume_m3).sum();

@@ -7,7 +7,7 @@ use fs_err as fs;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::config::{Check, Checked, SHARE, define_config, from_to, with_table};
+use crate::config::{Check, Checked, InvalidConfig, SHARE, define_config, from_to, with_table};
 
 /// The file's name.
 pub(super) const FILE: &str = "models.toml";
@@ -75,7 +75,18 @@ define_config! {
     }
 }
 
-impl Check for Settings {}
+impl Check for Settings {
+    fn check_relations(&self) -> Result<(), InvalidConfig> {
+        let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+        match &self.category {
+            Some(name) if name.is_empty() || !name.chars().all(is_word) => {
+                let wanted = "letters, digits, `_` and `-` are needed";
+                Err(InvalidConfig::new("category", format!("{name:?}"), wanted))
+            }
+            _ => Ok(()),
+        }
+    }
+}
 
 /// Why `models.toml` cannot be used.
 #[derive(Debug, Error)]
@@ -171,6 +182,11 @@ mod tests {
             ("[default]\nunit = \"m\"\n", "unknown field `default`"),
             ("[models.chair]\nunit = \"ft\"\n", "unknown variant `ft`"),
             ("[models.chair]\nlongest_m = 40\n", "[models.chair] longest_m is 40"),
+            (
+                "[models.cat]\ncategory = \"Tom & Jerry\"\n",
+                "[models.cat] category is \"Tom & Jerry\"; letters, digits",
+            ),
+            ("[defaults]\ncategory = \"\"\n", "[defaults] category is \"\"; letters, digits"),
         ] {
             let told = read(text).unwrap_err();
             assert!(told.contains(wanted) && told.contains("models.toml"), "{told}");

@@ -49,12 +49,17 @@ fn stl_of(part: &MeshPart) -> Vec<u8> {
 
 /// A GLB of one mesh, red, in a node that is twice as large.
 fn glb_of(part: &MeshPart) -> Vec<u8> {
+    glb_with(part, |_| ())
+}
+
+/// The same with a changed description.
+fn glb_with(part: &MeshPart, change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
     let mut blob: Vec<u8> =
         part.positions.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
     let n_position_bytes = blob.len();
     blob.extend(part.triangles.as_flattened().iter().flat_map(|corner| corner.to_le_bytes()));
     let high = part.positions.iter().fold([0.0_f32; 3], |high, p| [0, 1, 2].map(|i| high[i].max(p[i])));
-    let json = serde_json::json!({
+    let mut json = serde_json::json!({
         "asset": { "version": "2.0" },
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
@@ -72,6 +77,7 @@ fn glb_of(part: &MeshPart) -> Vec<u8> {
             { "bufferView": 1, "componentType": 5125, "count": part.triangles.len() * 3, "type": "SCALAR" },
         ],
     });
+    change(&mut json);
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut bytes = b"glTF".to_vec();
@@ -129,9 +135,17 @@ fn an_obj_in_centimetres_with_y_up_stands_upright_in_metres() {
 #[test]
 fn a_sheet_has_a_hull_with_a_volume_and_a_line_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let sheet = put(&folder, "sheet.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 4 3\n");
-    let sheet = made(&sheet, &folder, &Settings::default());
-    assert!(sheet.hulls.iter().all(|hull| hull.volume_m3 > 1e-3), "{:?}", sheet.hulls);
+    let sheet = |name: &str, thickness_m: f64| {
+        let corners = format!("v 0 0 0\nv 1 0 0\nv 0 1 {thickness_m}\nv 1 1 {thickness_m}\n");
+        let path = put(&folder, name, corners + "f 1 2 4 3\n");
+        prepare(&path, folder.path(), &Settings::default())
+    };
+    let hulls = sheet("sheet.obj", 0.008).unwrap().hulls;
+    assert!(hulls.iter().all(|hull| hull.volume_m3 > 1e-3), "{hulls:?}");
+    for thickness_m in [0.0, 0.004] {
+        let told = sheet("paper.obj", thickness_m).unwrap_err();
+        assert!(told.contains("its shortest side is 0.00") && told.contains("more than 0.005 m"), "{told}");
+    }
     let line = put(&folder, "line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     let told = prepare(&line, folder.path(), &Settings::default()).unwrap_err();
     assert!(told.contains("no area"), "{told}");
@@ -171,9 +185,11 @@ fn textures_come_along_from_the_folder_and_from_nowhere_else() {
     let folder = tempfile::tempdir().unwrap();
     let mut png = std::io::Cursor::new(Vec::new());
     RgbImage::from_pixel(1024, 8, image::Rgb([9, 8, 7])).write_to(&mut png, image::ImageFormat::Png).unwrap();
-    put(&folder, "skins/wood.png", png.into_inner());
+    let png = png.into_inner();
+    put(&folder, "skins/wood.png", &png);
+    put(&folder, "my wood.png", &png);
     let corners = "vt 0 0\nvt 1 0\nvt 1 1\n";
-    let face = "v 0 0 0\nv 1 0 0\nv 1 0 1\nusemtl wood\nf 1/1 2/2 3/3\n";
+    let face = "v 0 0 0\nv 1 0.008 0\nv 1 0 1\nusemtl wood\nf 1/1 2/2 3/3\n";
     let path = put(&folder, "board.obj", format!("mtllib board.mtl\n{corners}{face}"));
     let mtl = |texture: &str| put(&folder, "board.mtl", format!("newmtl wood\nKd 1 0 0\nmap_Kd {texture}\n"));
 
@@ -186,6 +202,11 @@ fn textures_come_along_from_the_folder_and_from_nowhere_else() {
     );
     assert_eq!(board.parts[0].texture_places.len(), 3);
 
+    for words in ["my wood.png", "-s 1 1 1 skins/wood.png"] {
+        mtl(words);
+        assert!(made(&path, &folder, &Settings::default()).parts[0].texture.is_some(), "{words}");
+    }
+
     mtl("skins/oak.png");
     let board = made(&path, &folder, &Settings::default());
     assert!(board.parts[0].texture.is_none() && board.parts[0].color == [1.0, 0.0, 0.0]);
@@ -196,6 +217,30 @@ fn textures_come_along_from_the_folder_and_from_nowhere_else() {
         let told = prepare(&path, folder.path(), &Settings::default()).unwrap_err();
         assert!(told.contains(outside) && told.contains("outside of the folder"), "{told}");
     }
+}
+
+#[test]
+fn a_glb_names_its_texture_from_its_own_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut png = std::io::Cursor::new(Vec::new());
+    RgbImage::from_pixel(4, 4, image::Rgb([9, 8, 7])).write_to(&mut png, image::ImageFormat::Png).unwrap();
+    put(&folder, "skins/wood.png", png.into_inner());
+    let cube = cuboid([0.3, 0.5, 0.2]);
+    let glb = glb_with(&cube, |json| {
+        json["images"] = serde_json::json!([{ "uri": "wood.png" }]);
+        json["textures"] = serde_json::json!([{ "source": 0 }]);
+        json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = serde_json::json!({ "index": 0 });
+        // The places in the texture are the first numbers of the positions.
+        let n = cube.positions.len();
+        let places =
+            serde_json::json!({ "bufferView": 0, "componentType": 5126, "count": n, "type": "VEC2" });
+        json["accessors"].as_array_mut().unwrap().push(places);
+        json["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = serde_json::json!(2);
+    });
+    let cube = made(&put(&folder, "skins/box.glb", &glb), &folder, &Settings::default());
+    assert_eq!(cube.parts[0].texture.as_ref().unwrap().get_pixel(1, 1).0, [9, 8, 7], "{:?}", cube.notes);
+    let elsewhere = made(&put(&folder, "box.glb", &glb), &folder, &Settings::default());
+    assert!(elsewhere.notes[0].contains("`wood.png`, which is not there"), "{:?}", elsewhere.notes);
 }
 
 #[test]

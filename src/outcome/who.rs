@@ -53,6 +53,7 @@ fn first_driving() -> u32 {
 pub struct Origin {
     pub who: Who,
     /// Of the network's checkpoint, or of the files that a command names; empty for others.
+    #[serde(alias = "source_sha256")]
     pub sha256: String,
     /// Score from which on it brakes hard for its boxes; `None`: for all of them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -71,6 +72,17 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// As a file of its own: that ends with its own `sha256`, so the one in it has the name `source_sha256`.
+    #[must_use]
+    pub fn of_file(&self) -> serde_json::Value {
+        let mut value = serde_json::to_value(self).expect("it has a JSON form");
+        let fields = value.as_object_mut().expect("it has fields");
+        if let Some(hash) = fields.remove("sha256") {
+            fields.insert("source_sha256".to_owned(), hash);
+        }
+        value
+    }
+
     /// What has to be alike in drives that are compared, as text: a run's path and the processors need not be.
     #[must_use]
     pub fn identity(&self) -> String {
@@ -274,5 +286,8 @@ mod tests {
         assert_ne!(first, origin("a=runs/x", "5f", 1).identity());
         assert_ne!(first, origin("a=runs/x", "5e", 2).identity());
         assert_ne!(first, origin("b=runs/x", "5e", 1).identity());
+        let of_file = origin("a=runs/x", "5e", 1).of_file();
+        assert!(of_file["source_sha256"] == "5e" && of_file.get("sha256").is_none());
+        assert_eq!(serde_json::from_value::<Origin>(of_file).unwrap(), origin("a=runs/x", "5e", 1));
     }
 }

@@ -40,7 +40,8 @@ pub const fn zone(kind: ZoneKind) -> Color {
     ZONES[kind as usize % ZONES.len()]
 }
 
-/// Predictions: warmer and paler than the truth's tones, so that both are readable when they overlap.
+/// Predictions: warmer and paler than the truth's tones, so that both are readable when they overlap. The drawings in
+/// prediction files have them too.
 pub const fn predicted(harm: Harm) -> Color {
     match harm {
         Harm::Harmful => Color::new(0x00ff_b938),
@@ -60,4 +61,49 @@ pub fn height(share: f32) -> Color {
     let at = share.clamp(0.0, 1.0) * (HEIGHTS.len() - 1) as f32;
     let i = (at as usize).min(HEIGHTS.len() - 2);
     HEIGHTS[i].mix(HEIGHTS[i + 1], at - i as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use foxglove::messages::SceneUpdate;
+    use prost::Message as _;
+
+    use super::*;
+    use crate::episode::{DetectionWriter, ForeignFile, SampleDetections, SourceMeta};
+    use crate::geometry::{Box3, Point};
+    use crate::object::Detection;
+
+    #[test]
+    fn prediction_files_draw_boxes_in_the_tones_of_the_pictures() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("town.mcap");
+        let meta = SourceMeta {
+            episode: "town".into(),
+            episode_sha256: "0".repeat(64),
+            set: "made".into(),
+            config_toml: String::new(),
+            generator_version: "0.1.0".into(),
+        };
+        let center = Point::new(9.0, 0.0, 0.8);
+        let detections = Harm::ALL.into_iter().map(|harm| Detection {
+            box_in_ego: Box3 { center, length_m: 4.0, width_m: 2.0, height_m: 1.6, yaw_rad: 0.0 },
+            velocity_in_ego_mps: [0.0; 2],
+            harm,
+            score: 0.5,
+            spread: None,
+        });
+        let mut writer = DetectionWriter::create(&path, &meta).unwrap();
+        writer.write(&SampleDetections { time_ns: 7, detections: detections.collect() }).unwrap();
+        writer.finish().unwrap();
+        let file = ForeignFile::open(&path).unwrap();
+        let topic = file.topics().iter().find(|topic| topic.name == "/detections/markers").unwrap();
+        let messages = file.chunk(0, &[topic.channel_id]).unwrap();
+        let drawn = SceneUpdate::decode(messages[0].bytes.clone()).unwrap();
+        assert_eq!(drawn.entities.len(), Harm::ALL.len());
+        for (harm, entity) in Harm::ALL.into_iter().zip(&drawn.entities) {
+            let color = entity.cubes[0].color.unwrap();
+            let rgb = [color.r, color.g, color.b].map(|part| (255.0 * part).round() as u8);
+            assert_eq!(rgb, predicted(harm).rgb, "{harm:?}");
+        }
+    }
 }

@@ -42,6 +42,7 @@ mod lights;
 mod looks;
 mod loose;
 mod map_files;
+mod map_origin;
 mod mesh;
 mod mjcf;
 pub mod models;

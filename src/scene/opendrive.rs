@@ -8,6 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use roxmltree::{Document, Node};
 
+use super::map_origin;
 use super::network::flat;
 use super::occupancy::Footprint;
 use super::road_limits;
@@ -37,21 +38,40 @@ const NAMES: [(&str, &str); 4] = [("road", "id"), ("junction", "id"), ("controll
 /// Shapes that a geometry can have.
 const SHAPES: [&str; 5] = ["line", "arc", "spiral", "poly3", "paramPoly3"];
 
-/// The network of a map, and reports on the parts that are skipped.
+/// A map that was read.
+pub struct RoadMap {
+    pub network: xodr::RoadNetwork,
+    /// Reports on the parts that are skipped, and on its move.
+    pub notes: Vec<String>,
+    /// What was taken from all x and y: nought, but where the map lies far from its origin.
+    pub offset_m: [f64; 2],
+}
+
+/// Reads a map.
 ///
 /// # Errors
 /// What is wrong, with its element and line; the caller adds the path.
-pub fn read(text: &str) -> Result<(xodr::RoadNetwork, Vec<String>), String> {
+pub fn read(text: &str) -> Result<RoadMap, String> {
     let document = Document::parse(text).map_err(|error| {
         // The parser's message ends in "at line:column".
         format!("broken XML, line {}: {error}", error.pos().row)
     })?;
     let mut notes = check(&document)?;
-    let (network, provenance) = xodr::load_str_with_provenance(text).map_err(|error| error.to_string())?;
+    let offset_m = map_origin::offset_m(&document)?;
+    let moved = offset_m.map(|offset_m| map_origin::moved(&document, offset_m)).transpose()?;
+    let (network, provenance) = xodr::load_str_with_provenance(moved.as_deref().unwrap_or(text))
+        .map_err(|error| error.to_string())?;
     road_limits::check_spread(&network)?;
     notes.extend(summary(&provenance.warnings));
     notes.extend(undrawn(&network));
-    Ok((network, notes))
+    notes.extend(offset_m.map(|[x_m, y_m]| {
+        format!(
+            "the map lies far from its origin: all of it is moved there, x by {} m and y by {} m",
+            0.0 - x_m,
+            0.0 - y_m
+        )
+    }));
+    Ok(RoadMap { network, notes, offset_m: offset_m.unwrap_or_default() })
 }
 
 fn child<'a, 'b>(node: &Node<'a, 'b>, name: &str) -> Option<Node<'a, 'b>> {
@@ -249,8 +269,21 @@ mod tests {
 
     #[test]
     fn a_whole_map_is_read() {
-        let (network, notes) = read(&broken("driving", "driving")).unwrap();
-        assert_eq!((network.lanes().len(), notes.len()), (1, 0), "{notes:?}");
+        let RoadMap { network, notes, offset_m } = read(&broken("driving", "driving")).unwrap();
+        assert_eq!((network.lanes().len(), notes.len(), offset_m), (1, 0, [0.0; 2]), "{notes:?}");
+    }
+
+    #[test]
+    fn a_map_in_the_coordinates_of_a_country_is_moved_and_keeps_its_shape() {
+        let near = read(&broken("driving", "driving")).unwrap();
+        let far = read(&broken("x=\"0\" y=\"0\"", "x=\"412345.25\" y=\"5412345.75\"")).unwrap();
+        assert_eq!(far.offset_m, [412_345.0, 5_412_346.0]);
+        assert!(far.notes[0].contains("x by -412345 m and y by -5412346 m"), "{:?}", far.notes);
+        let points = |map: &RoadMap| map.network.lanes()[0].center.points().to_vec();
+        for (near, far) in points(&near).iter().zip(points(&far)) {
+            let is_same = (far.x - near.x - 0.25).abs() < 1e-4 && (far.y - near.y + 0.25).abs() < 1e-4;
+            assert!(is_same, "{far:?}, near its origin {near:?}");
+        }
     }
 
     #[test]
@@ -300,7 +333,7 @@ mod tests {
                 "<laneSection>, line 10: the attribute `s` is missing",
             ),
         ] {
-            let message = read(&broken(from, to)).unwrap_err();
+            let message = read(&broken(from, to)).err().unwrap();
             assert!(message.contains(wanted), "{from} -> {to}: {message}");
         }
     }
@@ -312,14 +345,14 @@ mod tests {
         let (road, _) = rest.split_once("</road>").unwrap();
         let far = road.replace("id=\"7\"", "id=\"8\"").replace("y=\"0\"", "y=\"-1e7\"");
         let both = one.replace("</OpenDRIVE>", &format!("<road{far}</road></OpenDRIVE>"));
-        let message = read(&both).unwrap_err();
+        let message = read(&both).err().unwrap();
         assert!(message.contains("lanes lie from -1.000e7 to") && message.contains("along y"), "{message}");
     }
 
     #[test]
     fn a_link_to_a_road_outside_the_map_is_told_and_no_error() {
         let link = "<link><successor elementType=\"road\" elementId=\"99\" contactPoint=\"start\"/></link>\n    <planView>";
-        let (_, notes) = read(&broken("<planView>", link)).unwrap();
+        let notes = read(&broken("<planView>", link)).unwrap().notes;
         assert!(notes[0].contains("road 99 in line 4"), "{notes:?}");
     }
 }

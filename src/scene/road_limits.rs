@@ -12,7 +12,7 @@ const LARGEST_OFFSET_M: f64 = 1000.0;
 /// Above or below nought.
 const HIGHEST_M: f64 = 1e4;
 /// Of a map, along either axis.
-const WIDEST_MAP_M: f64 = 5e4;
+pub(super) const WIDEST_MAP_M: f64 = 5e4;
 
 /// A cubic polynomial of the way along a road, from its element on to the next one.
 struct Cubic {

@@ -15,7 +15,7 @@ use super::lights::Lights;
 use super::models;
 use super::network::LaneGraph;
 use super::occupancy::Footprint;
-use super::opendrive;
+use super::opendrive::{self, RoadMap};
 use super::path::Vec2;
 use super::plots::{self, Boundary, Furnishing, Stand};
 use super::rebuilding::TownVariation;
@@ -155,17 +155,18 @@ impl Town {
         path: &FilePath,
         variation: TownVariation,
     ) -> Result<Self, SceneError> {
-        let config: TownConfig =
+        let mut config: TownConfig =
             toml.map_or_else(|| Ok(TownConfig::default()), toml::from_str).map_err(|error| {
                 SceneError::TownConfig { message: error.to_string(), path: path.with_file_name("town.toml") }
             })?;
+        let RoadMap { network, mut notes, offset_m } = opendrive::read(xodr)
+            .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
+        config.move_places(offset_m);
         let config = variation.of(&config);
         let config = Checked::new(config).map_err(|error| SceneError::TownConfig {
             message: error.to_string(),
             path: path.with_file_name("town.toml"),
         })?;
-        let (network, mut notes) = opendrive::read(xodr)
-            .map_err(|message| SceneError::OpenDrive { message, path: path.to_owned() })?;
         let levels = Levels::of(&network, config.verge_m, &config.waves);
         notes.extend(levels.note());
         let (mut graph, unused) = LaneGraph::read(&network, |id| levels.is_above(id));

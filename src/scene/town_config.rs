@@ -200,6 +200,18 @@ impl Bounds for SquareConfig {
 }
 
 impl TownConfig {
+    /// Takes from all places what was taken from the map's x and y.
+    pub fn move_places(&mut self, offset_m: [f64; 2]) {
+        let squares = self.squares.iter_mut().map(|square| &mut square.center_m);
+        let basins = self.basins.iter_mut().map(|basin| &mut basin.center_m);
+        let landmarks = self.landmarks.iter_mut().map(|landmark| &mut landmark.center_m);
+        let tracks = self.tracks.iter_mut().flat_map(|track| [&mut track.from_m, &mut track.to_m]);
+        let hills = self.hills.iter_mut().map(|hill| &mut hill.center_m);
+        for place_m in squares.chain(basins).chain(landmarks).chain(tracks).chain(hills) {
+            *place_m = [place_m[0] - offset_m[0], place_m[1] - offset_m[1]];
+        }
+    }
+
     /// Names in tables of weights that no model has: they have no effect, which is hardly intended.
     pub fn unknown_models(&self, known: &[String]) -> Vec<String> {
         let named =
@@ -256,6 +268,19 @@ mod tests {
         config.prop_weights.insert("tree".into(), 1.0);
         let told = config.unknown_models(&["bin".into(), "tree".into()]);
         assert_eq!(told, ["town.toml: garden_weights names no model `gnome`; there are bin, tree"]);
+    }
+
+    #[test]
+    fn all_places_move_with_the_map() {
+        let text = "squares = [{ center_m = [10, 5], radius_m = 9, n_props = 1, prop_weights = {} }]\n\
+                    basins = [{ center_m = [10, 5], size_m = [9, 9] }]\n\
+                    landmarks = [{ look = \"silos\", center_m = [10, 5] }]\n\
+                    tracks = [{ from_m = [10, 5], to_m = [10, 5], gauge_m = 1.4 }]\n\
+                    hills = [{ center_m = [10, 5], radius_m = 9, height_m = 3 }]\n";
+        let mut moved: TownConfig = toml::from_str(text).unwrap();
+        moved.move_places([10.0, 7.0]);
+        let wanted: TownConfig = toml::from_str(&text.replace("[10, 5]", "[0, -2]")).unwrap();
+        assert_eq!(moved, wanted);
     }
 
     #[test]

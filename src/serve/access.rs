@@ -177,7 +177,8 @@ const OF_PAGE: &str = "default-src 'none'; script-src 'self'; style-src 'self'; 
 /// What a report may do: show what it holds, in an origin of its own, so that its script reaches nothing here. Forms,
 /// since its dialog closes by one.
 pub const OF_REPORT: &str = "sandbox allow-scripts allow-forms; default-src 'none'; script-src 'unsafe-inline'; \
-     style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
+     style-src 'unsafe-inline'; img-src data:; media-src data:; font-src data:; base-uri 'none'; form-action 'none'; \
+     frame-ancestors 'self'";
 
 /// Adds what every answer carries; a policy that is there already stays.
 pub fn add_headers(headers: &mut HeaderMap) {

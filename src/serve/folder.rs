@@ -15,8 +15,10 @@ use crate::report::scores::METRICS_FILE;
 const MOST_DEPTH: usize = 6;
 /// Most entries that are looked at, so that serving `/` by mistake ends soon.
 const MOST_ENTRIES: usize = 200_000;
-/// Folders of a data set that hold many files and no other data.
-const NOT_SEARCHED: [&str; 3] = ["episodes", "labels", "aov"];
+/// Folders of a data set that hold many files and no other data, and the one where `doctor` puts what was damaged.
+const NOT_SEARCHED: [&str; 4] = ["episodes", "labels", "aov", "set_aside"];
+/// Folder of a recorded data set where `drive` writes a log for each episode.
+const DRIVE_LOGS: &str = "predictions";
 /// What `predict` writes beside its boxes; its MCAP files have the boxes too.
 const PREDICTIONS_FILE: &str = "predictions.json";
 
@@ -33,6 +35,8 @@ pub struct Findings {
     pub datasets: Vec<PathBuf>,
     /// Folders of predictions.
     pub predictions: Vec<PathBuf>,
+    /// Folders of a driver's logs, each in its data set.
+    pub drive_logs: Vec<PathBuf>,
     /// Folders of scores.
     pub scores: Vec<PathBuf>,
     /// Pages of `harmzone report`.
@@ -94,15 +98,15 @@ impl ServedFolder {
         named.to_string_lossy().into_owned()
     }
 
-    /// Looks for data sets, predictions, scores and reports. Links are not followed, hidden folders not searched.
+    /// Looks for data sets, predictions, logs of drives, scores and reports. Links are not followed, hidden folders not searched.
     ///
     /// # Errors
     /// The folder cannot be read; folders below that cannot be read are left out.
     pub fn search(&self) -> Result<Findings, ServeError> {
         let mut found = Findings::default();
         let mut n_seen = 0;
-        let mut waiting = vec![(self.path.clone(), 0)];
-        while let Some((folder, depth)) = waiting.pop() {
+        let mut waiting = vec![(self.path.clone(), 0, false)];
+        while let Some((folder, depth, may_be_logs)) = waiting.pop() {
             let entries = match fs::read_dir(&folder) {
                 Ok(entries) => entries,
                 Err(error) if depth == 0 => return Err(error.into()),
@@ -112,6 +116,7 @@ impl ServedFolder {
                 }
             };
             let is_dataset = folder.join(Manifest::FILE).exists();
+            let (mut has_logs, mut has_list) = (false, false);
             for entry in entries.filter_map(Result::ok) {
                 n_seen += 1;
                 if n_seen > MOST_ENTRIES {
@@ -125,21 +130,28 @@ impl ServedFolder {
                     let is_skipped =
                         name.starts_with('.') || is_dataset && NOT_SEARCHED.contains(&name.as_str());
                     if !is_skipped && depth < MOST_DEPTH {
-                        waiting.push((path, depth + 1));
+                        waiting.push((path, depth + 1, is_dataset && name == DRIVE_LOGS));
                     }
                 } else if name == Manifest::FILE {
                     // Also as a link: it is resolved, and refused if it leads out, where it is read.
                     found.datasets.push(folder.clone());
                 } else if name == PREDICTIONS_FILE {
                     found.predictions.push(folder.clone());
+                    has_list = true;
                 } else if name == METRICS_FILE {
                     found.scores.push(folder.clone());
                 } else if kind.is_file() && path.extension().is_some_and(|extension| extension == "html") {
                     found.reports.push(path);
+                } else if path.extension().is_some_and(|extension| extension == "mcap") {
+                    has_logs = true;
                 }
             }
+            if may_be_logs && has_logs && !has_list {
+                found.drive_logs.push(folder);
+            }
         }
-        for list in [&mut found.datasets, &mut found.predictions, &mut found.scores, &mut found.reports] {
+        let Findings { datasets, predictions, drive_logs, scores, reports, .. } = &mut found;
+        for list in [datasets, predictions, drive_logs, scores, reports] {
             list.sort();
         }
         Ok(found)
@@ -172,6 +184,11 @@ mod tests {
         };
         let files = ["a/dataset.json", "a/episodes/dataset.json", "a/predictions/small/predictions.json"];
         files.into_iter().chain(["s/metrics.json", "report.html", ".hidden/metrics.json"]).for_each(make);
+        // What `doctor` put aside, and logs of drives: not elsewhere than in a data set, and not what `predict` wrote.
+        let logs = ["b/predictions/x.mcap", "c/predictions/x.mcap", "b/found/x.mcap"];
+        let predicted = ["d/predictions/predictions.json", "d/predictions/x.mcap"];
+        let sets = ["a/set_aside/dataset.json", "b/dataset.json", "d/dataset.json"];
+        logs.into_iter().chain(predicted).chain(sets).for_each(make);
         symlink(outside.path(), folder.path().join("out")).unwrap();
         symlink(outside.path().join("secret.html"), folder.path().join("secret.html")).unwrap();
         symlink(folder.path().join("report.html"), folder.path().join("again.html")).unwrap();
@@ -179,8 +196,9 @@ mod tests {
         let served = ServedFolder::open(folder.path()).unwrap();
         let found = served.search().unwrap();
         let names = |paths: &[PathBuf]| paths.iter().map(|path| served.name_of(path)).collect::<Vec<_>>();
-        assert_eq!(names(&found.datasets), ["a"]);
-        assert_eq!(names(&found.predictions), ["a/predictions/small"]);
+        assert_eq!(names(&found.datasets), ["a", "b", "d"]);
+        assert_eq!(names(&found.predictions), ["a/predictions/small", "d/predictions"]);
+        assert_eq!(names(&found.drive_logs), ["b/predictions"]);
         assert_eq!(
             (names(&found.scores), names(&found.reports)),
             (vec!["s".into()], vec!["report.html".into()])

@@ -15,18 +15,22 @@ use crate::dataset::LabelledEpisodes;
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, label_sets};
 use crate::episode::{DetectionReader, EpisodeReader, LabelReader};
 use crate::eval::{EvalConfig, Protocol};
+use crate::files::read_sealed;
 use crate::infer::{CheckpointFile, Trained};
 use crate::model::checkpoint::CHECKPOINT;
+use crate::outcome::{Origin, Source};
 
 /// The label set that is shown where none is named, if it is there.
 const DEFAULT_SET: &str = "rect";
+/// What `drive` writes of a driver in the folder of its recorded drives.
+const WHO_FILE: &str = "who.json";
 
 /// What of the data sets is shown.
 #[derive(Debug, Clone, Default)]
 pub struct SetOptions {
     /// `None`: `rect`, or the first where that is not there.
     pub labels: Option<String>,
-    /// The score from which on boxes count; `None`: the network's own, else that of `eval`.
+    /// The score from which on boxes count; `None`: the network's or the driver's own, else that of `eval`.
     pub min_score: Option<f64>,
 }
 
@@ -71,11 +75,12 @@ pub struct OpenEpisode {
 #[must_use]
 pub fn find_sets(folder: &ServedFolder, found: &Findings, options: &SetOptions) -> Vec<EpisodeSet> {
     let mut sets = Vec::new();
-    let predictions: Vec<Predicted> =
-        found.predictions.iter().filter_map(|path| Predicted::read(folder, path)).collect();
+    let predictions = found.predictions.iter().filter_map(|path| Predicted::read(folder, path));
+    let logs = found.drive_logs.iter().filter_map(|path| Predicted::read_logs(folder, path));
+    let predictions: Vec<Predicted> = predictions.chain(logs).collect();
     for path in &found.datasets {
         let bare = EpisodeSet::open(folder, path, None, options);
-        let of_this = predictions.iter().filter(|of| bare.is_of(&of.episode, &of.episode_sha256));
+        let of_this = predictions.iter().filter(|of| of.is_for(path, &bare));
         let with_boxes: Vec<EpisodeSet> = of_this
             .map(|of| EpisodeSet::open(folder, path, Some(of.boxes(folder, options)), options))
             .collect();
@@ -94,6 +99,8 @@ struct Predicted {
     episode: String,
     episode_sha256: String,
     detector: String,
+    /// The data set that a driver recorded, if these are its logs.
+    driven: Option<PathBuf>,
 }
 
 impl Predicted {
@@ -105,9 +112,23 @@ impl Predicted {
             let reader = DetectionReader::open(&folder.inside(&first)?)?;
             let (meta, folder) = (reader.meta().clone(), path.to_owned());
             let (episode, episode_sha256) = (meta.episode, meta.episode_sha256);
-            Ok(Self { folder, episode, episode_sha256, detector: meta.set })
+            Ok(Self { folder, episode, episode_sha256, detector: meta.set, driven: None })
         };
         read().inspect_err(|error| tracing::warn!("predictions are left out: {error}")).ok()
+    }
+
+    /// A driver's logs, which lie in the data set that it recorded.
+    fn read_logs(folder: &ServedFolder, path: &Path) -> Option<Self> {
+        Some(Self { driven: path.parent().map(Path::to_owned), ..Self::read(folder, path)? })
+    }
+
+    /// Whether the boxes are for this data set. A drive of two drivers may be the same, but the next one need not be: logs
+    /// are for their own data set.
+    fn is_for(&self, path: &Path, set: &EpisodeSet) -> bool {
+        match &self.driven {
+            Some(driven) => driven == path,
+            None => set.is_of(&self.episode, &self.episode_sha256),
+        }
     }
 
     fn boxes(&self, folder: &ServedFolder, options: &SetOptions) -> SetBoxes {
@@ -119,8 +140,12 @@ impl Predicted {
         SetBoxes { folder: self.folder.clone(), detector: self.detector.clone(), protocol }
     }
 
-    /// How the network that made them is scored: that inside the program, or of the run whose folder they lie in.
+    /// How the network that made them is scored: that inside the program, or of the run whose folder they lie in. A
+    /// driver's name may be that of a network which it is not.
     fn eval_config(&self, folder: &ServedFolder) -> Option<EvalConfig> {
+        if let Some(driven) = &self.driven {
+            return config_of_driver(folder, driven);
+        }
         let of_run = || {
             let runs = self.folder.ancestors().skip(1).take(2);
             let mut checkpoints = runs.map(|run| run.join(CHECKPOINT)).filter(|file| file.is_file());
@@ -133,6 +158,25 @@ impl Predicted {
         let trained = inside.or_else(of_run)?;
         trained.eval_config().inspect_err(|error| tracing::warn!("{error}")).ok()
     }
+}
+
+/// How a driver's boxes are scored: from the score from which on it braked for them, even a little.
+fn config_of_driver(folder: &ServedFolder, driven: &Path) -> Option<EvalConfig> {
+    let read = || -> Result<Origin, ServeError> {
+        let path = folder.inside(&driven.join(WHO_FILE))?;
+        serde_json::from_str(&read_sealed(&path)?)
+            .map_err(|error| ServeError::Trouble { message: format!("{error}: {}", path.display()) })
+    };
+    let warn = |error: &ServeError| tracing::warn!("the score of a driver's boxes is not known: {error}");
+    let origin = read().inspect_err(warn).ok()?;
+    let is_network = matches!(origin.who.source, Source::Network { .. });
+    // All boxes of the others count; older files do not tell a network's score.
+    let of_others = (!is_network).then_some(0.0);
+    let mut config = EvalConfig::default();
+    if let Some(score) = origin.seen_from.or(origin.min_score).or(of_others) {
+        config.operating_score = score;
+    }
+    Some(config)
 }
 
 impl EpisodeSet {

@@ -13,7 +13,7 @@ use crate::eval::Protocol;
 #[derive(Debug, Clone)]
 pub struct SetBoxes {
     pub folder: PathBuf,
-    /// The detector, as `predict` was told it.
+    /// The detector, as `predict` was told it, or the driver's name.
     pub detector: String,
     /// By which they are compared with the truth.
     pub protocol: Protocol,

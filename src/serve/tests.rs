@@ -16,8 +16,13 @@ use super::routes::router;
 use super::sets::SetOptions;
 use super::site::{ServedSite, WantedSets};
 use crate::dataset::test_data;
-use crate::episode::{DetectionReader, DetectionWriter, LabelReader, Manifest, SampleDetections, SourceMeta};
+use crate::episode::{
+    DetectionReader, DetectionWriter, DriveLogWriter, LabelReader, Manifest, SampleCommand, SampleDetections,
+    SourceMeta,
+};
+use crate::files::write_sealed;
 use crate::object::{Detection, Harm};
+use crate::outcome::{DRIVING, Origin};
 use crate::progress::Silent;
 
 const HOST: &str = "127.0.0.1:4321";
@@ -139,6 +144,37 @@ fn predict(data: &Path, to: &Path) {
     }
 }
 
+/// Leaves in a data set what `drive` does: the boxes of [`predict`] as logs, and who drove.
+fn drive(data: &Path, who: &str, seen_from: f64) {
+    let logs = data.join("predictions");
+    predict(data, &logs);
+    fs::remove_file(logs.join("predictions.json")).unwrap();
+    let origin = Origin {
+        who: who.parse().unwrap(),
+        sha256: String::new(),
+        min_score: Some(0.9),
+        seen_from: Some(seen_from),
+        generator_version: String::new(),
+        driving: DRIVING,
+        device: "cpu".into(),
+        cpus: Vec::new(),
+    };
+    write_sealed(&data.join("who.json"), &origin).unwrap();
+    for entry in Manifest::read(data).unwrap().episodes {
+        let file = logs.join(format!("{}.mcap", entry.name));
+        let boxes = DetectionReader::open(&file).unwrap();
+        fs::remove_file(&file).unwrap();
+        let meta = SourceMeta { set: origin.who.name.clone(), ..boxes.meta().clone() };
+        let mut log = DriveLogWriter::create(&file, &meta).unwrap();
+        for sample in boxes.samples() {
+            let time_ns = sample.time_ns;
+            let command = SampleCommand { time_ns, braking_mps2: None, speed_mps: 5.0, is_harmful: false };
+            log.write(sample, Some(&command)).unwrap();
+        }
+        log.finish().unwrap();
+    }
+}
+
 #[test]
 fn every_answer_carries_the_policy_and_only_the_front_gives_the_cookie() {
     let served = Served::new(&[1], |folder| fs::write(folder.join("report.html"), "<p>told</p>").unwrap());
@@ -152,6 +188,10 @@ fn every_answer_carries_the_policy_and_only_the_front_gives_the_cookie() {
             "{path}: {policy}"
         );
         assert_eq!(policy.starts_with("sandbox "), path == "/reports/0", "{path}");
+        // Reports hold pictures and clips in themselves.
+        for held in ["img-src data:;", "media-src data:;"] {
+            assert_eq!(policy.contains(held), path == "/reports/0", "{path}: {policy}");
+        }
         assert!(!policy.contains("allow-same-origin") && !policy.contains("unsafe-eval"));
         assert_eq!(answer.headers[header::X_CONTENT_TYPE_OPTIONS], "nosniff");
         assert_eq!(answer.headers[header::REFERRER_POLICY], "no-referrer");
@@ -324,6 +364,28 @@ fn the_label_set_and_the_score_that_are_asked_for_are_shown() {
         "{set}"
     );
     assert!(served.json("/api/sets/0/episodes/made-0")["harmful"].is_null());
+}
+
+#[test]
+fn logs_of_drives_are_boxes_of_their_own_data_set_from_the_score_at_which_the_driver_braked() {
+    let served = Served::new(&[2, 1], |folder| {
+        // Another driver's drives, which went the same way.
+        let other = folder.join("other");
+        fs::create_dir(&other).unwrap();
+        test_data::write(&other, &[2, 1]);
+        // Called as a network inside the program, whose score is another.
+        drive(&folder.join("data"), "small=zone:runs/a", 0.3);
+    });
+    let sets = served.json("/api/folder")["sets"].clone();
+    assert_eq!(sets.as_array().unwrap().len(), 2, "{sets}");
+    assert_eq!((&sets[0]["name"], &sets[0]["detector"]), (&"data, boxes of small".into(), &"small".into()));
+    assert_eq!(sets[0]["min_score"], 0.3);
+    assert_eq!((&sets[1]["name"], &sets[1]["detector"]), (&"other".into(), &Value::Null));
+    let detail = served.json("/api/sets/0/episodes/made-0");
+    assert!(detail["trouble"].is_null() && detail["missed"].is_u64(), "{detail}");
+    assert_eq!(detail["false_alarms"], 2, "one in each sample");
+    let facts = served.json("/api/sets/0/episodes/made-0/samples/0");
+    assert_eq!(facts["detections"].as_array().unwrap().len(), 6, "without that of a low score");
 }
 
 #[test]

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::Path as FilePath;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use fs_err as fs;
@@ -23,6 +23,7 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::error::{Answer, StoreError};
 use super::location::{Provider, StoreUrl};
+use super::process::OfProcess;
 use crate::files::{PARTIAL_SUFFIX, hex, keep_as};
 
 /// Files of this size and more go up in parts, whose put knows no condition; `HARMZONE_STORE_PARTS_FROM_MIB` has another.
@@ -66,18 +67,20 @@ pub(super) struct Content<'a> {
 }
 
 /// Runs what object storage does; the rest of the program knows no async.
-pub(super) fn runtime() -> &'static Runtime {
-    static RUNTIME: OnceLock<Runtime> = OnceLock::new();
-    RUNTIME.get_or_init(|| {
+pub(super) fn runtime() -> Arc<Runtime> {
+    static RUNTIME: OfProcess<Runtime> = OfProcess::new(None);
+    let made = RUNTIME.get(|| {
         let mut builder = Builder::new_multi_thread();
         builder.worker_threads(2).thread_name("store").enable_io().enable_time();
-        builder.build().expect("a process may start two threads")
-    })
+        builder.build().map(Arc::new)
+    });
+    made.expect("a process may start two threads")
 }
 
 /// The objects below a URL.
 pub(super) struct Bucket {
-    store: Arc<dyn ObjectStore>,
+    /// The runtime drives its connections.
+    store: OfProcess<dyn ObjectStore>,
     url: StoreUrl,
     parts_from_bytes: u64,
 }
@@ -92,46 +95,57 @@ fn number_of(name: &'static str, default: u64) -> Result<u64, StoreError> {
     }
 }
 
+/// Reads credentials and options from the environment, as `object_store` does; asks no server.
+fn connect(url: &StoreUrl) -> Result<Arc<dyn ObjectStore>, StoreError> {
+    // A second mirror finds it installed.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    let retry = RetryConfig {
+        max_retries: number_of("HARMZONE_STORE_RETRIES", 10)? as usize,
+        retry_timeout: Duration::from_secs(number_of("HARMZONE_STORE_RETRY_S", 180)?),
+        ..RetryConfig::default()
+    };
+    let bucket = &url.bucket;
+    let built: Result<Arc<dyn ObjectStore>, Error> = match url.scheme {
+        Provider::S3 => AmazonS3Builder::from_env()
+            .with_bucket_name(bucket)
+            .with_retry(retry)
+            .build()
+            .map(|store| Arc::new(store) as _),
+        Provider::Google => GoogleCloudStorageBuilder::from_env()
+            .with_bucket_name(bucket)
+            .with_retry(retry)
+            .build()
+            .map(|store| Arc::new(store) as _),
+        Provider::Azure => MicrosoftAzureBuilder::from_env()
+            .with_container_name(bucket)
+            .with_retry(retry)
+            .build()
+            .map(|store| Arc::new(store) as _),
+    };
+    built.map_err(|error| StoreError::Failed {
+        doing: "open the store",
+        reason: Answer::of(&error).reason_before_requests(url.scheme.variables()),
+        url: url.to_string(),
+    })
+}
+
 impl Bucket {
-    /// Reads credentials and options from the environment, as `object_store` does; asks no server.
+    /// Asks no server.
     pub(super) fn open(url: &StoreUrl) -> Result<Self, StoreError> {
-        // A second mirror finds it installed.
-        let _ = rustls::crypto::ring::default_provider().install_default();
-        let retry = RetryConfig {
-            max_retries: number_of("HARMZONE_STORE_RETRIES", 10)? as usize,
-            retry_timeout: Duration::from_secs(number_of("HARMZONE_STORE_RETRY_S", 180)?),
-            ..RetryConfig::default()
-        };
-        let bucket = &url.bucket;
-        let built: Result<Arc<dyn ObjectStore>, Error> = match url.scheme {
-            Provider::S3 => AmazonS3Builder::from_env()
-                .with_bucket_name(bucket)
-                .with_retry(retry)
-                .build()
-                .map(|store| Arc::new(store) as _),
-            Provider::Google => GoogleCloudStorageBuilder::from_env()
-                .with_bucket_name(bucket)
-                .with_retry(retry)
-                .build()
-                .map(|store| Arc::new(store) as _),
-            Provider::Azure => MicrosoftAzureBuilder::from_env()
-                .with_container_name(bucket)
-                .with_retry(retry)
-                .build()
-                .map(|store| Arc::new(store) as _),
-        };
-        let store = built.map_err(|error| StoreError::Failed {
-            doing: "open the store",
-            reason: Answer::of(&error).reason_before_requests(url.scheme.variables()),
-            url: url.to_string(),
-        })?;
         let parts_from_mib = number_of("HARMZONE_STORE_PARTS_FROM_MIB", PARTS_FROM_MIB)?;
-        Ok(Self { store, url: url.clone(), parts_from_bytes: parts_from_mib.saturating_mul(1 << 20) })
+        let (store, url) = (OfProcess::new(None), url.clone());
+        let bucket = Self { store, url, parts_from_bytes: parts_from_mib.saturating_mul(1 << 20) };
+        bucket.store().map(|_| bucket)
     }
 
     #[cfg(test)]
     pub(super) fn of(store: Arc<dyn ObjectStore>, url: &StoreUrl) -> Self {
+        let store = OfProcess::new(Some((std::process::id(), store)));
         Self { store, url: url.clone(), parts_from_bytes: PARTS_FROM_MIB << 20 }
+    }
+
+    fn store(&self) -> Result<Arc<dyn ObjectStore>, StoreError> {
+        self.store.get(|| connect(&self.url))
     }
 
     pub(super) fn url_of(&self, name: &str) -> String {
@@ -156,7 +170,8 @@ impl Bucket {
     pub(super) async fn list(&self) -> Result<BTreeMap<String, Remote>, StoreError> {
         let prefix = Path::from(self.url.path.as_str());
         let inside = format!("{prefix}/");
-        let listed = repeat(async || self.store.list(Some(&prefix)).try_collect::<Vec<_>>().await);
+        let store = self.store()?;
+        let listed = repeat(async || store.list(Some(&prefix)).try_collect::<Vec<_>>().await);
         let metas =
             listed.await.map_err(|error| Self::failed(&self.url, "list the objects", &error, None))?;
         let named = metas.into_iter().filter_map(|meta| {
@@ -173,7 +188,7 @@ impl Bucket {
     /// What lies under a name, with its SHA-256.
     pub(super) async fn look_up(&self, name: &str) -> Result<Option<Remote>, StoreError> {
         let options = GetOptions { head: true, ..GetOptions::default() };
-        match self.store.get_opts(&self.path(name), options).await {
+        match self.store()?.get_opts(&self.path(name), options).await {
             Ok(found) => Ok(Some(remote(&found))),
             Err(Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(self.fail("look an object up", &error, name)),
@@ -184,7 +199,7 @@ impl Bucket {
     pub(super) async fn fetch(&self, name: &str, to: &FilePath) -> Result<Remote, StoreError> {
         static NUMBER: AtomicU64 = AtomicU64::new(0);
         let fail = |error: Error| self.fail("fetch an object", &error, name);
-        let found = self.store.get(&self.path(name)).await.map_err(fail)?;
+        let found = self.store()?.get(&self.path(name)).await.map_err(fail)?;
         let mut remote = remote(&found);
         if let Some(folder) = to.parent() {
             fs::create_dir_all(folder)?;
@@ -297,7 +312,7 @@ impl Bucket {
         };
         let bytes = fs::read(content.file)?;
         let options = PutOptions { mode, attributes: attributes(content.sha256), ..PutOptions::default() };
-        let put = self.store.put_opts(&self.path(name), PutPayload::from(bytes), options).await;
+        let put = self.store()?.put_opts(&self.path(name), PutPayload::from(bytes), options).await;
         Ok(put.map(|put| Remote {
             e_tag: put.e_tag,
             version: put.version,
@@ -313,7 +328,7 @@ impl Bucket {
     ) -> Result<Result<Remote, Error>, StoreError> {
         let options =
             PutMultipartOptions { attributes: attributes(content.sha256), ..PutMultipartOptions::default() };
-        let upload = match self.store.put_multipart_opts(&self.path(name), options).await {
+        let upload = match self.store()?.put_multipart_opts(&self.path(name), options).await {
             Ok(upload) => upload,
             Err(error) => return Ok(Err(error)),
         };
@@ -349,8 +364,8 @@ impl Bucket {
 
     /// Deletes an object; one that is gone already is fine.
     pub(super) async fn delete(&self, name: &str) -> Result<(), StoreError> {
-        let path = self.path(name);
-        match repeat(async || self.store.delete(&path).await).await {
+        let (store, path) = (self.store()?, self.path(name));
+        match repeat(async || store.delete(&path).await).await {
             Ok(()) | Err(Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.fail("delete an object", &error, name)),
         }

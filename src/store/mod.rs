@@ -21,6 +21,7 @@ mod error;
 mod known;
 mod location;
 mod mirror;
+mod process;
 mod push;
 mod registry;
 #[cfg(test)]

@@ -95,6 +95,13 @@ const DRIVER_PROBE_BYTES: usize = 512 << 20;
 /// What the simulator's error begins with where it has no OpenGL context.
 pub const CANNOT_DRAW: &str = "cannot draw off screen";
 
+/// Whether a worker had no OpenGL context: on a machine that cannot draw, that befalls every task. Where one was made, the machine
+/// can, and it was that worker's bad luck, such as memory that was short for a moment.
+#[must_use]
+pub fn cannot_draw(failure: &str) -> bool {
+    failure.contains(CANNOT_DRAW)
+}
+
 /// Whether memory was refused: the error says so, in the words of the system, of Python, of MuJoCo or of the dynamic linker, or
 /// as native code that fails without words, as MuJoCo's compiler does then; or there is none now, where nothing can be drawn
 /// none for a driver.

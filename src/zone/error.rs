@@ -32,7 +32,9 @@ pub enum ZoneError {
         "the ego and the object close in at up to {closing_mps} m/s, too fast for a forecast over {horizon_s} s"
     )]
     Closing { closing_mps: f64, horizon_s: f64 },
-    #[error("the object's velocity is {found:?} m/s; finite numbers are needed")]
+    #[error(
+        "the object's velocity is {found:?} m/s; `ttc` and `rss` need finite numbers, `rect` and `arc` need no velocity"
+    )]
     Velocity { found: [f64; 2] },
     #[error("only zone `rect` has an edge to measure a distance to; hard rules take every zone")]
     NoEdge,

@@ -180,6 +180,12 @@ impl ZoneAt {
         self.rule.edge()
     }
 
+    /// Whether an object's velocity counts, as with `ttc` and `rss`.
+    #[must_use]
+    pub fn uses_velocity(&self) -> bool {
+        self.rule.uses_velocity()
+    }
+
     /// Signed distance of a box's footprint to [`Self::edge`], metres: the gap, or minus the least shift that would part
     /// them.
     ///

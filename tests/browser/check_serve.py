@@ -25,6 +25,28 @@ WATCH_PLAY = """() => {
   const note = () => window.playTexts.push(play.textContent);
   new MutationObserver(note).observe(play, { childList: true, characterData: true, subtree: true });
 }"""
+# Presses play, pause and play at once, and plays to the end: the seconds at which each next sample was shown.
+PLAY_AGAIN = """async () => {
+  const [play, now] = ["play", "now"].map((id) => document.getElementById(id));
+  const shown = [];
+  const watch = new MutationObserver(() => shown.push([now.textContent, performance.now() / 1000]));
+  watch.observe(now, { childList: true });
+  for (let press = 0; press < 3; press++) play.click();
+  while (play.textContent !== "Play") await new Promise((done) => setTimeout(done, 20));
+  watch.disconnect();
+  return shown;
+}"""
+# Reads many samples into the player's store: 0 is in view, 1 is used each time, 3 is to be shown next.
+FILL_STORE = """async () => {
+  const { Player } = await import("/player.js");
+  const blob = await new OffscreenCanvas(1, 1).getContext("2d").canvas.convertToBlob();
+  const ask = async (_, as) => ({ blob, arrayBuffer: new ArrayBuffer(0) })[as] ?? {};
+  const store = Object.assign(Object.create(Player.prototype), { ask, frames: new Map(), at: 3 });
+  const first = (store.shown = await store.load(0));
+  for (let sample = 1; sample < 200; sample++) await Promise.all([store.load(sample), store.load(1)]);
+  const kept = [0, 1, 2, 3].filter((sample) => store.frames.has(sample));
+  return { kept, n: store.frames.size, widths: [first, await store.load(1)].map((of) => of.picture.width) };
+}"""
 # What one key in the search field costs until the browser has drawn the list.
 TIME_FILTER = """async (words) => {
   const field = document.querySelector("[name=words]");
@@ -66,6 +88,12 @@ def wait_for_sample(page: Page, number: int) -> None:
     expect(page.locator("#now")).to_have_text(re.compile(rf"^sample {number} of "))
 
 
+def drag(page: Page, sample_idx: int) -> None:
+    """Puts the bar of the player to a sample."""
+    script = "(bar, to) => { bar.value = to; bar.dispatchEvent(new Event('input')); }"
+    page.eval_on_selector("#seek", script, sample_idx)
+
+
 def is_drawn(page: Page, canvas: str) -> bool:
     """Whether a canvas shows more than one colour."""
     return page.evaluate(
@@ -84,6 +112,7 @@ def check_list(page: Page) -> str:
     """Filters do what they say, quickly, and the list holds few rows. Returns what was measured."""
     n_all = counts(page)[1]
     assert n_all >= 1000, f"{n_all} episodes are too few to tell of lag"
+    assert page.inner_text("#min-score") == "boxes from score 0.20 on"
     assert 0 < page.locator("#list .row").count() < 60, "only the rows in view are in the document"
     page.eval_on_selector("#more", "more => { more.open = true; }")
     for name in ("town", "weather", "split"):
@@ -159,6 +188,7 @@ def check_keys(page: Page) -> None:
     expect(page.locator("#play")).to_have_text("Play")
     assert "Pause" in page.evaluate("window.playTexts")
     expect(page.locator("#said")).to_have_text(re.compile(rf"^Sample {n_samples}: "))
+    check_play_again(page, n_samples)
     page.keyboard.press("j")
     expect(page.locator("#player-title")).not_to_have_text(first)
     page.keyboard.press("k")
@@ -169,6 +199,40 @@ def check_keys(page: Page) -> None:
     expect(page.locator("#help")).to_be_hidden()
     page.keyboard.press("Escape")
     expect(page.locator("#player")).to_be_hidden()
+
+
+def check_play_again(page: Page, n_samples: int) -> None:
+    """Who pauses and plays again within a sample does not play at double speed."""
+    page.keyboard.press("Home")
+    wait_for_sample(page, 1)
+    shown = page.evaluate(PLAY_AGAIN)
+    told = [re.match(r"sample (\d+) of .* · ([\d.]+) s · ", text) for text, _ in shown]
+    assert [int(one[1]) for one in told] == list(range(2, n_samples + 1)), shown
+    for i in range(1, len(shown)):
+        wanted_s = float(told[i][2]) - float(told[i - 1][2])
+        assert shown[i][1] - shown[i - 1][1] > 0.7 * wanted_s, f"too fast: {shown}"
+
+
+def check_damaged_sample(page: Page) -> None:
+    """A sample that cannot be read says so where the bar is put to it, and is asked for again."""
+    drag(page, 0)
+    wait_for_sample(page, 1)
+    page.route("**/samples/1", lambda route: route.fulfill(body="torn"))
+    page.reload()
+    wait_for_sample(page, 1)
+    expect(page.locator("#notice")).to_be_hidden()
+    drag(page, 1)
+    expect(page.locator("#notice")).to_be_visible()
+    page.unroute("**/samples/1")
+    drag(page, 1)
+    wait_for_sample(page, 2)
+
+
+def check_store(page: Page) -> None:
+    """Samples that are used stay, and no picture is closed while it is in view."""
+    found = page.evaluate(FILL_STORE)
+    # A picture that is closed has no width.
+    assert found == {"kept": [1, 3], "n": 80, "widths": [1, 1]}, found
 
 
 def check_player(page: Page) -> None:
@@ -188,8 +252,8 @@ def check_player(page: Page) -> None:
         before = after
     for layer in ("points", "zone", "truth", "found"):
         page.check(f"#show-{layer}")
-    page.eval_on_selector("#seek", "bar => { bar.value = 1; bar.dispatchEvent(new Event('input')); }")
-    wait_for_sample(page, 2)
+    check_damaged_sample(page)
+    check_store(page)
     place = page.evaluate("location.hash")
     page.reload()
     wait_for_sample(page, 2)

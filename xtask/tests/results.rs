@@ -198,6 +198,13 @@ fn an_experiment_killed_in_a_training_goes_on_and_its_commands_make_its_rows() {
     );
     let text_of_config = fs::read_to_string(&config).expect("a config");
     fs::write(&config, text_of_config.replace(&nobody(), "")).expect("a writable folder");
+    let of_guest = folder.path().join("again/data.json");
+    let own = fs::read_to_string(&of_guest).expect("a run knows its data");
+    fs::write(&of_guest, own.replace("labels", "notes")).expect("a writable folder");
+    let message = fail(&mut xtask(&report));
+    assert!(message.contains("was trained on other data") && message.contains(text(&of_guest)), "{message}");
+    assert!(kept().is_empty(), "{:?}", kept());
+    fs::write(&of_guest, own).expect("a writable folder");
     for is_first in [true, false] {
         succeed(&mut xtask(&report));
         let reported = document();

@@ -5,10 +5,11 @@ use std::path::Path;
 use super::camera::Sight;
 use super::check::{Aspect, Remark};
 use super::labels::{EpisodeLabels, LabelSet};
-use super::maker::{Maker, Plans};
+use super::maker::{Maker, Plans, is_of_gen};
 use super::motion::Motion;
 use super::objects::{MARGIN_M, Objects};
 use super::rig::{Calibration, Mounting, rig_of};
+use super::sample::Ground;
 use super::spread::Portrait;
 use super::tally::Tally;
 use super::{archive, entries, sample, times};
@@ -39,6 +40,8 @@ pub(super) struct Examined {
     pub tally: Tally,
     /// Hash of the config in its metadata.
     pub config_sha256: Option<String>,
+    /// Whether that config is one of `gen`.
+    pub is_of_gen: bool,
     /// `None` where a sample could not be read.
     pub portrait: Option<Portrait>,
     /// Where the sensors of an episode are that has no rig in its metadata and is no log.
@@ -68,7 +71,9 @@ pub(super) fn examine(context: &Context<'_>, entry: &EpisodeEntry, progress: &dy
     examined.tell_all(&entry.name, of_labels);
     match open(context, entry, &mut examined) {
         Some((reader, in_file_ns)) => {
-            examined.config_sha256 = Some(sha256_hex(reader.meta().config_toml.as_bytes()));
+            let config_toml = &reader.meta().config_toml;
+            examined.config_sha256 = Some(sha256_hex(config_toml.as_bytes()));
+            examined.is_of_gen = is_of_gen(config_toml);
             examine_content(context, entry, &reader, &in_file_ns, &mut open_labels, &mut examined, progress);
         }
         None => progress.advance(entry.n_samples as u64),
@@ -156,6 +161,7 @@ fn examine_content(
         sight: Sight::new(is_log, rig.as_ref(), reader.cameras().is_empty()),
         mounting: Mounting::new(is_log, rig.as_ref()),
         motion: Motion::default(),
+        ground: Ground::default(),
         sum_range_m: 0.0,
     };
     let mut n_read = 0;
@@ -180,6 +186,7 @@ fn examine_content(
     }
     let of_whole = [content.motion.judge(), content.sight.judge()].concat();
     examined.tell_all(&entry.name, of_whole);
+    examined.tell_all(&entry.name, std::mem::take(&mut content.ground).judge());
     content.count(&mut examined.tally);
     if n_read < reader.len() {
         return;
@@ -237,6 +244,7 @@ struct Content {
     sight: Sight,
     mounting: Mounting,
     motion: Motion,
+    ground: Ground,
     sum_range_m: f64,
 }
 
@@ -253,6 +261,7 @@ impl Content {
         let mut remarks = sample::examine(sample, &points);
         remarks.extend(self.mounting.add(measured));
         self.motion.add(measured);
+        self.ground.add(&points);
         self.sight.add(measured, &points, sample.objects());
         tally.n_samples += 1;
         tally.picture_sizes.insert((measured.intrinsics.width_px, measured.intrinsics.height_px));

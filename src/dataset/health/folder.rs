@@ -8,8 +8,9 @@ use fs_err as fs;
 
 use super::check::{Aspect, Found, Remark};
 use crate::episode::Manifest;
-use crate::episode::folder::EPISODES;
-use crate::files::{is_lock, is_unfinished};
+use crate::episode::folder::{AOV, EPISODES};
+use crate::files::{PARTIAL_SUFFIX, is_dir, is_lock, is_unfinished};
+use crate::generate::lacking_pictures;
 
 fn has_suffix(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|suffix| suffix == wanted)
@@ -49,7 +50,7 @@ pub(super) fn written(path: &Path) -> io::Result<Vec<PathBuf>> {
     Ok([path.to_owned(), path.join(EPISODES)].into_iter().chain(of_labels).collect())
 }
 
-/// What runs left unfinished.
+/// What runs left unfinished: files, and folders of further pictures.
 ///
 /// # Errors
 /// A folder cannot be read.
@@ -57,6 +58,12 @@ pub(super) fn unfinished(path: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for folder in written(path)? {
         found.extend(listed(&folder)?.into_iter().filter(|path| is_unfinished(path) && !path.is_dir()));
+    }
+    let of_pictures = path.join(AOV);
+    if is_dir(&of_pictures)? && !of_pictures.is_symlink() {
+        let is_half =
+            |path: &PathBuf| has_suffix(path, PARTIAL_SUFFIX) && path.is_dir() && !path.is_symlink();
+        found.extend(listed(&of_pictures)?.into_iter().filter(is_half));
     }
     Ok(found)
 }
@@ -115,6 +122,28 @@ pub(super) fn examine(path: &Path, manifest: &Manifest, found: &mut Found) -> io
     Ok(format!("{n_listed} episodes named, {} unknown, {} unfinished", unknown.len(), unfinished.len()))
 }
 
+/// Tells which episodes lack further pictures (`render.aov`) of one of so many cameras. They have no hash, so that they are counted.
+///
+/// # Errors
+/// A folder cannot be read.
+pub(super) fn examine_pictures(
+    path: &Path,
+    manifest: &Manifest,
+    n_cameras: usize,
+    found: &mut Found,
+) -> io::Result<()> {
+    for entry in &manifest.episodes {
+        if let Some(lack) = lacking_pictures(path, entry, n_cameras)? {
+            let text = format!(
+                "{lack} (render.aov); `harmzone gen`, the same command again, makes the episode with them: {}",
+                path.join(AOV).join(&entry.name).display()
+            );
+            found.add(&entry.name, Remark::fault(Aspect::Files, "missing pictures", text));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,5 +175,36 @@ mod tests {
         let figures = examine(folder.path(), &manifest, &mut found).unwrap();
         assert_eq!(told(found), ["episodes/x.mcap", "a.mcap.7.partial", "episodes/notes.txt"]);
         assert_eq!(figures, "1 episodes named, 1 unknown, 2 unfinished");
+    }
+
+    #[test]
+    fn an_episode_without_all_its_further_pictures_is_told_with_what_it_lacks() {
+        let folder = tempfile::tempdir().unwrap();
+        test_data::write(folder.path(), &[2, 1]);
+        let manifest = Manifest::read(folder.path()).unwrap();
+        let told = || {
+            let mut found = Found::default();
+            examine_pictures(folder.path(), &manifest, 2, &mut found).unwrap();
+            let (_, symptoms) = found.finish(|_| String::new());
+            symptoms.into_iter().map(|of| (of.first_at, of.n_places, of.text)).collect::<Vec<_>>()
+        };
+        assert_eq!(told()[0].1, 2);
+        for name in ["made-0/000000.exr", "made-0/000001.exr", "made-0/cam_back/000000.exr"]
+            .into_iter()
+            .chain(["made-0/objects.json", "made-1/000000.exr", "made-1/cam_back/000000.exr"])
+        {
+            let file = folder.path().join(AOV).join(name);
+            fs::create_dir_all(file.parent().unwrap()).unwrap();
+            fs::write(file, "").unwrap();
+        }
+        let (first_at, n_places, text) = &told()[0];
+        assert_eq!((first_at.as_str(), *n_places), ("made-0", 2));
+        assert!(text.starts_with("3 of 4 further pictures are there"), "{text}");
+        fs::write(folder.path().join("aov/made-0/cam_back/000001.exr"), "").unwrap();
+        let (first_at, n_places, text) = &told()[0];
+        assert_eq!((first_at.as_str(), *n_places), ("made-1", 1));
+        assert!(text.starts_with("objects.json of the further pictures is missing"), "{text}");
+        fs::write(folder.path().join("aov/made-1/objects.json"), "").unwrap();
+        assert!(told().is_empty());
     }
 }

@@ -8,8 +8,8 @@ use super::check::{Aspect, Found, Remark};
 use super::folder::{label_folders, listed};
 use super::times;
 use crate::episode::manifest::{EpisodeEntry, LabelCounts, LabelManifest, Manifest};
-use crate::episode::{EpisodeError, LabelReader, check_stamps};
-use crate::files::{self, is_lock, is_unfinished};
+use crate::episode::{EpisodeError, LabelReader, check_stamps, label_command, zone_in};
+use crate::files::{is_file, is_lock, is_unfinished, read_sealed};
 use crate::sample::Sample;
 use crate::store;
 use crate::zone::{Zone, ZoneConfig};
@@ -24,11 +24,25 @@ pub(super) struct LabelSet {
     pub name: String,
     pub manifest: LabelManifest,
     pub zone: Option<Zone>,
+    /// `harmzone label` with the set's zone.
+    command: String,
 }
 
 /// How a set is made anew.
-fn remedy(path: &Path, set: &str) -> String {
-    format!("`harmzone label {} --labels {set} --force` makes the set anew", path.display())
+fn remedy(command: &str) -> String {
+    format!("`{command} --force` makes the set anew")
+}
+
+/// The zone of a set that has no manifest: that of a part of it, else of one of its label files.
+fn zone_beside(folder: &Path, names: &BTreeSet<String>) -> Option<ZoneConfig> {
+    let of_part = |name: &String| {
+        let part: LabelManifest = serde_json::from_str(&read_sealed(&folder.join(name)).ok()?).ok()?;
+        zone_in(&part.zone_toml)
+    };
+    let of_labels = |name: &String| zone_in(&LabelReader::open(&folder.join(name)).ok()?.meta().config_toml);
+    let is_mcap = |name: &&String| Path::new(name).extension().is_some_and(|suffix| suffix == "mcap");
+    let parts = names.iter().filter(|name| name.starts_with(PART_PREFIX)).filter_map(of_part);
+    parts.chain(names.iter().filter(is_mcap).filter_map(of_labels)).next()
 }
 
 /// Reads the sets' manifests, and tells what is wrong with them.
@@ -39,12 +53,13 @@ pub(super) fn open_all(path: &Path, manifest: &Manifest, found: &mut Found) -> i
     let mut sets = Vec::new();
     for (name, folder) in label_folders(path)? {
         let files = file_names(&folder)?;
-        if !files::is_file(&folder.join(LabelManifest::FILE))? {
+        let command_beside = || label_command(path, &name, zone_beside(&folder, &files).as_ref());
+        if !is_file(&folder.join(LabelManifest::FILE))? {
             if !files.is_empty() {
                 let text = format!(
-                    "the label set has no {}, by which stages read it; `harmzone label {} --labels {name}` goes on with it",
+                    "the label set has no {}, by which stages read it; `{}` goes on with it",
                     LabelManifest::FILE,
-                    path.display()
+                    command_beside()
                 );
                 // Parts that wait for each other are no fault.
                 let is_part = |file: &str| file.starts_with(PART_PREFIX) && !file.starts_with(SO_FAR_PREFIX);
@@ -56,13 +71,14 @@ pub(super) fn open_all(path: &Path, manifest: &Manifest, found: &mut Found) -> i
         match LabelManifest::read(path, &name) {
             Ok(labels) => {
                 let zone = zone_of(&labels);
-                let set = LabelSet { name, zone: zone.as_ref().ok().cloned(), manifest: labels };
+                let command = label_command(path, &name, zone.as_ref().ok().map(Zone::config));
+                let set = LabelSet { name, zone: zone.as_ref().ok().cloned(), manifest: labels, command };
                 let bad_zone = zone.err().map(|message| format!("its zone is not valid ({message})"));
-                set.examine(path, manifest, bad_zone, &files, found);
+                set.examine(manifest, bad_zone, &files, found);
                 sets.push(set);
             }
             Err(error) => {
-                let text = format!("{error}; {}", remedy(path, &name));
+                let text = format!("{error}; {}", remedy(&command_beside()));
                 found.add(&name, Remark::fault(Aspect::Labels, "set", text));
             }
         }
@@ -84,24 +100,23 @@ fn zone_of(labels: &LabelManifest) -> Result<Zone, String> {
 impl LabelSet {
     fn examine(
         &self,
-        path: &Path,
         manifest: &Manifest,
         bad_zone: Option<String>,
         files: &BTreeSet<String>,
         found: &mut Found,
     ) {
-        let Self { name, manifest: labels, .. } = self;
+        let Self { name, manifest: labels, command, .. } = self;
         let other_data = (labels.dataset_config_sha256 != manifest.config_sha256)
             .then(|| "it belongs to a data set of another config".to_owned());
         for what in [other_data, bad_zone].into_iter().flatten() {
-            found.add(name, Remark::fault(Aspect::Labels, "set", format!("{what}; {}", remedy(path, name))));
+            found.add(name, Remark::fault(Aspect::Labels, "set", format!("{what}; {}", remedy(command))));
         }
         let known: BTreeSet<&str> = manifest.episodes.iter().map(|entry| entry.name.as_str()).collect();
         for label in labels.episodes.iter().filter(|label| !known.contains(label.name.as_str())) {
             let text = format!(
                 "label set `{name}` has labels of an episode that dataset.json lacks; `harmzone gen`, the same command again, \
                  makes the episode, or {}",
-                remedy(path, name)
+                remedy(command)
             );
             found.add(&label.name, Remark::warning(Aspect::Labels, "labels without episode", text));
         }
@@ -123,15 +138,15 @@ impl LabelSet {
         n_hashed: &mut u64,
         remarks: &mut Vec<Remark>,
     ) -> Option<EpisodeLabels<'a>> {
-        let name = &self.name;
+        let Self { name, command, .. } = self;
         let Some(label) = self.manifest.episodes.iter().find(|label| label.name == entry.name) else {
-            let text = format!("label set `{name}` lacks the episode; `harmzone label` makes it anew");
+            let text = format!("label set `{name}` lacks the episode; `{command}` makes it anew");
             remarks.push(Remark::fault(Aspect::Labels, "labels of an episode", text));
             return None;
         };
         let file = LabelManifest::folder(path, name).join(&label.file);
         if matches!(store::is_there(&file), Ok(false)) {
-            let text = format!("the label file is not there; {}: {}", remedy(path, name), file.display());
+            let text = format!("the label file is not there; {}: {}", remedy(command), file.display());
             remarks.push(Remark::fault(Aspect::Files, "missing label file", text));
             return None;
         }
@@ -172,7 +187,7 @@ impl LabelSet {
                 .then(|| format!("of {n} samples, and labels.json says {}", label.n_samples)),
         ];
         if let Some(what) = faults.into_iter().flatten().next() {
-            let text = format!("these are labels {what}; {}: {}", remedy(path, name), file.display());
+            let text = format!("these are labels {what}; {}: {}", remedy(command), file.display());
             remarks.push(Remark::fault(Aspect::Labels, "other labels", text));
             return None;
         }
@@ -180,7 +195,7 @@ impl LabelSet {
     }
 
     /// Sets the sum of an episode-wise count beside the manifest's.
-    pub(super) fn examine_counts(&self, path: &Path, counts: &LabelCounts, found: &mut Found) {
+    pub(super) fn examine_counts(&self, counts: &LabelCounts, found: &mut Found) {
         if *counts == self.manifest.counts {
             return;
         }
@@ -193,7 +208,7 @@ impl LabelSet {
             told.harmless,
             counted.harmful,
             counted.harmless,
-            remedy(path, &self.name)
+            remedy(&self.command)
         );
         found.add(&self.name, Remark::fault(Aspect::Labels, "counts", text));
     }
@@ -210,10 +225,10 @@ pub(super) struct EpisodeLabels<'a> {
 impl EpisodeLabels<'_> {
     /// Sets a sample's labels beside its objects.
     pub(super) fn examine(&mut self, sample_idx: usize, sample: &Sample) -> Option<Remark> {
-        let name = &self.set.name;
+        let LabelSet { name, command, .. } = self.set;
         let Some(labels) = self.reader.samples().get(sample_idx) else {
             let text =
-                format!("label set `{name}` ends before this sample; `harmzone label --force` makes it anew");
+                format!("label set `{name}` ends before this sample; `{command} --force` makes it anew");
             return Some(Remark::fault(Aspect::Labels, "labels of a sample", text));
         };
         let ids = labels.labels.iter().map(|label| Some(label.id.as_str()));
@@ -222,7 +237,7 @@ impl EpisodeLabels<'_> {
         if !is_same {
             let text = format!(
                 "label set `{name}` has {} labels at {} ns for {} objects at {} ns; one for each object, in its order, is \
-                 needed: `harmzone label --force` makes it anew",
+                 needed: `{command} --force` makes it anew",
                 labels.labels.len(),
                 labels.time_ns,
                 sample.objects().len(),
@@ -241,8 +256,8 @@ impl EpisodeLabels<'_> {
             if let Some(verdict) = verdict.filter(|verdict| verdict.harm != label.harm) {
                 other.get_or_insert_with(|| {
                     let text = format!(
-                        "label set `{name}` calls object `{}` {}, and its zone calls it {} today; `harmzone label --force` makes \
-                         it anew",
+                        "label set `{name}` calls object `{}` {}, and its zone calls it {} today; `{command} --force` makes it \
+                         anew",
                         label.id,
                         label.harm.name(),
                         verdict.harm.name()
@@ -252,5 +267,41 @@ impl EpisodeLabels<'_> {
             }
         }
         other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fs_err as fs;
+
+    use super::*;
+    use crate::dataset::health::{examine, made};
+    use crate::progress::Silent;
+    use crate::zone::ZoneKind;
+
+    #[test]
+    fn a_set_is_made_anew_by_its_own_zone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        let manifest = made::write(path, 2);
+        let zone = ZoneConfig { kind: ZoneKind::Ttc, ..ZoneConfig::default() };
+        crate::label::run(path, &zone, "late", false, &Silent).unwrap();
+        let told = || {
+            let texts = examine(path, &Silent).unwrap().symptoms.into_iter().map(|symptom| symptom.text);
+            texts.collect::<Vec<_>>().join("\n")
+        };
+        let set = LabelManifest::folder(path, "late");
+        fs::remove_file(set.join(format!("{}.mcap", manifest.episodes[0].name))).unwrap();
+        let command = format!("`harmzone label {} --labels late --set kind=ttc", path.display());
+        assert!(told().contains(&format!("{command} --force` makes the set anew")), "{}", told());
+        // What is left of the set tells it, too.
+        let whole = fs::read(set.join(LabelManifest::FILE)).unwrap();
+        fs::write(set.join(LabelManifest::FILE), "{").unwrap();
+        assert!(told().contains(&format!("{command} --force` makes the set anew")), "{}", told());
+        fs::remove_file(set.join(LabelManifest::FILE)).unwrap();
+        assert!(told().contains(&format!("{command}` goes on with it")), "{}", told());
+        fs::remove_file(set.join(format!("{}.mcap", manifest.episodes[1].name))).unwrap();
+        fs::write(set.join("part-0-of-2.json"), whole).unwrap();
+        assert!(told().contains(&format!("{command}` goes on with it")), "{}", told());
     }
 }

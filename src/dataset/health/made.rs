@@ -13,7 +13,7 @@ use crate::geometry::{Box3, Ego};
 use crate::object::Object;
 use crate::progress::Silent;
 use crate::sample::{Sample, Truth};
-use crate::scene::town_name;
+use crate::scene::{map_hashes, town_name};
 use crate::zone::ZoneConfig;
 
 /// Samples of each episode.
@@ -21,14 +21,21 @@ pub(super) const N_SAMPLES: usize = 3;
 
 /// Writes so many labelled episodes with what `gen` writes beside them, every second one for validation.
 pub(super) fn write(folder: &Path, n_episodes: u32) -> Manifest {
-    let config = GenerateConfig { samples: N_SAMPLES as u32, val_every: 2.0, ..GenerateConfig::default() };
+    write_of(folder, n_episodes, GenerateConfig::default().towns)
+}
+
+/// The same, of other towns.
+pub(super) fn write_of(folder: &Path, n_episodes: u32, towns: Vec<String>) -> Manifest {
+    let config =
+        GenerateConfig { towns, samples: N_SAMPLES as u32, val_every: 2.0, ..GenerateConfig::default() };
     let toml = to_toml(&config);
-    fs::write(folder.join("gen.toml"), &toml).expect("the folder can be written");
+    let with_maps = toml.clone() + &map_hashes(config.towns.iter()).expect("the maps can be read");
+    fs::write(folder.join("gen.toml"), &with_maps).expect("the folder can be written");
     fs::create_dir(folder.join("episodes")).expect("the folder can be written");
     let checked = CheckedConfig::try_from(&config).expect("the default config is valid");
     let made = test_data::dataset(N_SAMPLES * n_episodes as usize);
     let mut samples = made.samples().iter();
-    let mut manifest = Manifest::new(sha256_hex(toml.as_bytes()), config.seed, false);
+    let mut manifest = Manifest::new(sha256_hex(with_maps.as_bytes()), config.seed, false);
     for plan in plan(&checked, n_episodes) {
         let meta = EpisodeMeta {
             name: plan.name.clone(),

@@ -8,11 +8,15 @@ use super::check::{Aspect, Found, Remark};
 use crate::episode::{EpisodeMeta, Manifest, Split};
 use crate::files::sha256_hex;
 use crate::generate::{CheckedConfig, GenerateConfig, plan};
+use crate::scene::map_hashes;
 use crate::store;
 
 /// The configs that a data set's folder may hold, beside its manifest.
 const GEN_FILE: &str = "gen.toml";
 const IMPORT_FILE: &str = "import.toml";
+
+/// A folder that the data sets of recorded drives have, whose config is the drives' and lies elsewhere.
+const OF_DRIVES: &str = "outcomes";
 
 /// Keys in which the config in an episode has the names that `all` stands for.
 const EXPANDED_KEYS: [&str; 2] = ["towns", "weathers"];
@@ -47,6 +51,24 @@ impl ConfigFile {
     pub(super) fn name_for(meta: &EpisodeMeta) -> &'static str {
         if toml::from_str::<GenerateConfig>(&meta.config_toml).is_ok() { GEN_FILE } else { IMPORT_FILE }
     }
+
+    /// The text of the file with this hash, as far as an episode tells it: the config in its metadata, after which `gen` names the
+    /// hashes of a user's maps. `None` where it is another, or where the maps are not what they were.
+    pub(super) fn text_for(meta: &EpisodeMeta, sha256: &str) -> Option<String> {
+        let toml = &meta.config_toml;
+        let with_maps = || {
+            let towns = toml::from_str::<GenerateConfig>(toml).ok()?.towns;
+            Some(toml.clone() + &map_hashes(towns.iter()).ok()?)
+        };
+        let is_it = |text: &String| sha256_hex(text.as_bytes()) == sha256;
+        Some(toml.clone()).filter(is_it).or_else(|| with_maps().filter(is_it))
+    }
+}
+
+/// Whether the config in an episode is one of `gen`, which writes every key.
+pub(super) fn is_of_gen(config_toml: &str) -> bool {
+    let has_towns = config_toml.parse::<toml::Table>().is_ok_and(|table| table.contains_key("towns"));
+    has_towns && toml::from_str::<GenerateConfig>(config_toml).is_ok()
 }
 
 fn read(path: &Path) -> io::Result<Vec<u8>> {
@@ -124,16 +146,24 @@ fn table_of(toml: &str) -> Option<toml::Table> {
     Some(table)
 }
 
-/// Sets the folder's config beside the manifest. `in_episodes`: the hash of the config in each episode that could be opened.
+/// Sets the folder's config beside the manifest. `in_episodes`: the hash of the config in each episode that could be opened;
+/// `is_of_gen`: whether one of them is of `gen`.
+///
+/// # Errors
+/// The folder cannot be read.
 pub(super) fn examine(
     path: &Path,
     manifest: &Manifest,
     config: Option<&ConfigFile>,
-    in_episodes: &[String],
+    (in_episodes, is_of_gen): (&[String], bool),
     found: &mut Found,
-) -> String {
+) -> io::Result<String> {
     let wanted = &manifest.config_sha256;
-    match config {
+    // The manifest of a set of a user's maps has another hash than its episodes.
+    let is_lost = config.is_none()
+        && (in_episodes.contains(wanted)
+            || is_of_gen && store::files_below(&path.join(OF_DRIVES))?.is_empty());
+    Ok(match config {
         Some(config) if config.sha256 == *wanted => {
             format!("{} is the one that dataset.json names", config.name)
         }
@@ -147,7 +177,7 @@ pub(super) fn examine(
             found.add(name, Remark::fault(Aspect::Config, "config", text));
             format!("{name} is another than dataset.json names")
         }
-        None if in_episodes.contains(wanted) => {
+        None if is_lost => {
             let text = format!(
                 "there is no {GEN_FILE} or {IMPORT_FILE}, and the episodes were made by one; without it nothing can be added: {}",
                 path.display()
@@ -156,7 +186,7 @@ pub(super) fn examine(
             "none".to_owned()
         }
         None => "none, as in data sets by others and in recorded drives".to_owned(),
-    }
+    })
 }
 
 #[cfg(test)]

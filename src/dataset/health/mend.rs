@@ -13,8 +13,8 @@ use super::maker::{ConfigFile, Maker, Plans};
 use super::rebuild::{count, entry_of, is_of_a_set, names_of, plans_for, rebuild};
 use crate::dataset::DatasetError;
 use crate::episode::manifest::{EpisodeEntry, Manifest};
-use crate::episode::{EpisodeReader, check_archive};
-use crate::files::{self, FolderLock, give_final_name, is_lock, sha256_hex, write_atomic};
+use crate::episode::{EpisodeMeta, EpisodeReader, check_archive};
+use crate::files::{self, FolderLock, give_final_name, is_lock, write_atomic};
 use crate::progress::Progress;
 use crate::store;
 
@@ -35,7 +35,11 @@ pub fn mend(path: &Path, progress: &dyn Progress) -> Result<Vec<String>, Dataset
     let locks = lock_all(path)?;
     let mut done = Vec::new();
     for leftover in unfinished(path)? {
-        fs::remove_file(&leftover)?;
+        if leftover.is_dir() {
+            fs::remove_dir_all(&leftover)?;
+        } else {
+            fs::remove_file(&leftover)?;
+        }
         done.push(format!("deleted what a run left unfinished: {}", leftover.display()));
     }
     if let Some(manifest) = mend_manifest(path, &mut done)? {
@@ -84,7 +88,7 @@ fn mend_manifest(path: &Path, done: &mut Vec<String>) -> Result<Option<Manifest>
     Ok(Some(rebuilt.manifest))
 }
 
-/// Writes the config again that the manifest names, if an episode has it word by word.
+/// Writes the config again that the manifest names, if an episode has it word by word, but for the hashes of a user's maps.
 fn mend_config(path: &Path, manifest: &Manifest, done: &mut Vec<String>) -> io::Result<()> {
     let config = ConfigFile::find(path)?;
     if config.as_ref().is_some_and(|config| config.sha256 == manifest.config_sha256) {
@@ -93,9 +97,11 @@ fn mend_config(path: &Path, manifest: &Manifest, done: &mut Vec<String>) -> io::
     // One that cannot be read has no config to give; that the disk fails is told where the episodes are mended.
     let meta_of =
         |entry: &EpisodeEntry| Some(EpisodeReader::open(&path.join(&entry.file)).ok()?.meta().clone());
-    let is_wanted = |toml: &str| sha256_hex(toml.as_bytes()) == manifest.config_sha256;
-    let Some(meta) = manifest.episodes.iter().filter_map(meta_of).find(|meta| is_wanted(&meta.config_toml))
-    else {
+    let with_text = |meta: EpisodeMeta| {
+        let text = ConfigFile::text_for(&meta, &manifest.config_sha256)?;
+        Some((meta, text))
+    };
+    let Some((meta, text)) = manifest.episodes.iter().filter_map(meta_of).find_map(with_text) else {
         return Ok(());
     };
     if let Some(config) = config {
@@ -103,7 +109,7 @@ fn mend_config(path: &Path, manifest: &Manifest, done: &mut Vec<String>) -> io::
         done.push(format!("set a {} aside that is not the data set's: {}", config.name, aside.display()));
     }
     let name = ConfigFile::name_for(&meta);
-    write_atomic(&path.join(name), meta.config_toml.as_bytes())?;
+    write_atomic(&path.join(name), text.as_bytes())?;
     done.push(format!("wrote {name} again as episode `{}` has it", meta.name));
     Ok(())
 }
@@ -284,91 +290,4 @@ fn free_name(path: &Path, file: &Path) -> io::Result<PathBuf> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::dataset::health::{Severity, examine, made};
-    use crate::progress::Silent;
-
-    fn n_faults(path: &Path) -> usize {
-        examine(path, &Silent).unwrap().count(Severity::Fault)
-    }
-
-    #[test]
-    fn what_is_torn_is_set_aside_and_the_rest_stays_a_data_set() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path();
-        let before = made::write(path, 3);
-        fs::write(path.join(&before.episodes[1].file), "torn").unwrap();
-        fs::write(path.join("episodes/x.mcap.partial"), "").unwrap();
-        assert!(n_faults(path) > 0);
-        let done = mend(path, &Silent).unwrap();
-        assert_eq!(done.len(), 3, "{done:?}");
-        let kept = fs::read_to_string(path.join(SET_ASIDE).join(Manifest::FILE)).unwrap();
-        assert!(kept.contains(&before.episodes[1].name));
-        let after = Manifest::read(path).unwrap();
-        assert_eq!(after.episodes, [before.episodes[0].clone(), before.episodes[2].clone()]);
-        assert_eq!(n_faults(path), 0);
-        let aside = path.join(SET_ASIDE).join(format!("{}.mcap", before.episodes[1].name));
-        assert_eq!(fs::read_to_string(aside).unwrap(), "torn");
-        assert_eq!(mend(path, &Silent).unwrap(), [""; 0]);
-    }
-
-    #[test]
-    fn a_lost_manifest_an_entry_and_a_config_are_made_again() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path();
-        let whole = made::write(path, 3);
-        fs::write(path.join(Manifest::FILE), "{}").unwrap();
-        assert_eq!(mend(path, &Silent).unwrap().len(), 2);
-        assert_eq!(Manifest::read(path).unwrap(), whole);
-        let mut other = whole.clone();
-        other.episodes[0].town = "oldtown".into();
-        other.episodes.remove(2);
-        other.write(path).unwrap();
-        fs::write(path.join("gen.toml"), "samples = 7\n").unwrap();
-        let done = mend(path, &Silent).unwrap();
-        assert_eq!(Manifest::read(path).unwrap(), whole, "{done:?}");
-        assert_eq!(n_faults(path), 0);
-    }
-
-    #[test]
-    fn episodes_that_are_elsewhere_and_a_config_of_others_lose_nothing() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path();
-        let whole = made::write(path, 3);
-        fs::rename(path.join("episodes"), path.join("away")).unwrap();
-        assert_eq!(mend(path, &Silent).unwrap(), [""; 0]);
-        fs::rename(path.join("away"), path.join("episodes")).unwrap();
-        assert_eq!((Manifest::read(path).unwrap(), n_faults(path)), (whole.clone(), 0));
-        let config = fs::read_to_string(path.join("gen.toml")).unwrap();
-        fs::write(path.join("gen.toml"), config.replacen("seed = ", "seed = 1", 1)).unwrap();
-        fs::remove_file(path.join(Manifest::FILE)).unwrap();
-        assert_eq!(mend(path, &Silent).unwrap(), [""; 0]);
-        assert!(whole.episodes.iter().all(|entry| path.join(&entry.file).is_file()));
-        fs::write(path.join("gen.toml"), config).unwrap();
-        mend(path, &Silent).unwrap();
-        assert_eq!(Manifest::read(path).unwrap(), whole);
-    }
-
-    #[test]
-    fn what_is_of_others_stays_behind_links_too() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path();
-        made::write(path, 2);
-        fs::create_dir(path.join("mine")).unwrap();
-        let mine = ["mine/film.partial", "mine/writer-of-novels.partial"].map(|name| path.join(name));
-        mine.iter().for_each(|file| fs::write(file, "mine").unwrap());
-        fs::create_dir_all(path.join("labels")).unwrap();
-        std::os::unix::fs::symlink(path.join("mine"), path.join("labels/default")).unwrap();
-        mend(path, &Silent).unwrap();
-        assert!(mine.iter().all(|file| fs::read_to_string(file).unwrap() == "mine"));
-    }
-
-    #[test]
-    fn a_folder_that_is_no_data_set_is_left_alone() {
-        let home = tempfile::tempdir().unwrap();
-        let folder = home.path().join("none");
-        assert!(matches!(mend(&folder, &Silent), Err(DatasetError::Manifest(_))));
-        assert!(!folder.exists());
-    }
-}
+mod tests;

@@ -120,6 +120,9 @@ pub fn examine(path: &Path, progress: &dyn Progress) -> Result<Health, DatasetEr
     let n_planned = manifest.part.map_or(n_planned, |part| part.n_episodes);
     let plans = maker.plans(n_planned);
     let of_files = folder::examine(path, &manifest, &mut found)?;
+    if let Some(config) = maker.gen_config().filter(|config| config.render.aov) {
+        folder::examine_pictures(path, &manifest, config.rig.cameras.len(), &mut found)?;
+    }
     let sets = labels::open_all(path, &manifest, &mut found)?;
     progress.start("examine", manifest.episodes.iter().map(|entry| entry.n_samples as u64).sum());
     let context = Context { path, maker: &maker, plans: &plans, sets: &sets };
@@ -138,9 +141,11 @@ pub fn examine(path: &Path, progress: &dyn Progress) -> Result<Health, DatasetEr
         }
     }
     let in_episodes: Vec<String> = all.iter().filter_map(|examined| examined.config_sha256.clone()).collect();
-    let of_config = maker::examine(path, &manifest, config.as_ref(), &in_episodes, &mut found);
+    let is_of_gen = all.iter().any(|examined| examined.is_of_gen);
+    let of_config =
+        maker::examine(path, &manifest, config.as_ref(), (in_episodes.as_slice(), is_of_gen), &mut found)?;
     examine_rigs(&manifest, &all, &mut found);
-    let usual_labels = examine_counts(path, &sets, &all, &mut found);
+    let usual_labels = examine_counts(&sets, &all, &mut found);
     let portraits: Vec<_> = all.into_iter().filter_map(|examined| examined.portrait).collect();
     for (at, remark) in spread::judge(&portraits, maker.gen_config(), usual_labels.as_ref()) {
         found.add(&at, remark);
@@ -200,12 +205,7 @@ fn examine_rigs(manifest: &Manifest, all: &[Examined], found: &mut Found) {
 }
 
 /// Sets the counts of each label set beside those in its files; returns those of the set that the default zone made.
-fn examine_counts(
-    path: &Path,
-    sets: &[LabelSet],
-    all: &[Examined],
-    found: &mut Found,
-) -> Option<LabelCounts> {
+fn examine_counts(sets: &[LabelSet], all: &[Examined], found: &mut Found) -> Option<LabelCounts> {
     let mut usual = None;
     for (i, set) in sets.iter().enumerate() {
         let of_episodes: Option<Vec<LabelCounts>> = all.iter().map(|examined| examined.labels[i]).collect();
@@ -216,7 +216,7 @@ fn examine_counts(
         };
         let mut sum = LabelCounts::default();
         of_episodes.iter().for_each(|counts| sum.add_all(counts));
-        set.examine_counts(path, &sum, found);
+        set.examine_counts(&sum, found);
         let is_usual = set.zone.as_ref().is_some_and(|zone| *zone.config() == ZoneConfig::default());
         usual = usual.or(is_usual.then_some(sum));
     }

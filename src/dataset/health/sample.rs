@@ -24,7 +24,6 @@ pub(super) fn examine(sample: &Sample, points: &[Point<Ego>]) -> Vec<Remark> {
     [
         examine_cloud(measured, points),
         examine_intensity(&measured.points),
-        examine_ground(points),
         examine_picture(measured),
         examine_boxes(sample, points),
     ]
@@ -74,22 +73,39 @@ fn examine_intensity(points: &[LidarPoint]) -> Option<Remark> {
     })
 }
 
-/// Whether the road is where the ego's zero height is. The lowest points near the ego are the road's.
-fn examine_ground(points: &[Point<Ego>]) -> Option<Remark> {
-    let is_near = |point: &&Point<Ego>| (ROAD_FROM_M..ROAD_TO_M).contains(&point.x().hypot(point.y()));
-    let mut heights_m: Vec<f64> = points.iter().filter(is_near).map(Point::z).collect();
-    if heights_m.len() < 100 {
-        return None;
+/// Whether the road is where the ego's zero height is, over the samples of an episode. A slope lifts single samples.
+#[derive(Default)]
+pub(super) struct Ground {
+    /// Of the road in each sample that shows enough of it.
+    heights_m: Vec<f64>,
+}
+
+impl Ground {
+    /// Takes a sample's points. The lowest ones near the ego are the road's.
+    pub(super) fn add(&mut self, points: &[Point<Ego>]) {
+        let is_near = |point: &&Point<Ego>| (ROAD_FROM_M..ROAD_TO_M).contains(&point.x().hypot(point.y()));
+        let mut near_m: Vec<f64> = points.iter().filter(is_near).map(Point::z).collect();
+        if near_m.len() < 100 {
+            return;
+        }
+        near_m.sort_unstable_by(f64::total_cmp);
+        self.heights_m.push(near_m[(near_m.len() as f64 * BELOW_ROAD) as usize]);
     }
-    heights_m.sort_unstable_by(f64::total_cmp);
-    let road_m = heights_m[(heights_m.len() as f64 * BELOW_ROAD) as usize];
-    (road_m.abs() > MAX_GROUND_M).then(|| {
-        let text = format!(
-            "the lowest points within {ROAD_TO_M:.0} m lie at z = {road_m:.2} m in the ego frame; the road should lie \
-             near 0: the LiDAR's mounting height or axes may be wrong, or metres are not the unit"
-        );
-        Remark::warning(Aspect::Clouds, "ground", text)
-    })
+
+    /// What the median of the samples says.
+    pub(super) fn judge(mut self) -> Option<Remark> {
+        self.heights_m.sort_unstable_by(f64::total_cmp);
+        let n_samples = self.heights_m.len();
+        let road_m = *self.heights_m.get(n_samples / 2)?;
+        (road_m.abs() > MAX_GROUND_M).then(|| {
+            let text = format!(
+                "the lowest points within {ROAD_TO_M:.0} m lie at z = {road_m:.2} m in the ego frame, in the median of \
+                 {n_samples} samples; the road should lie near 0: the LiDAR's mounting height or axes may be wrong, or metres \
+                 are not the unit"
+            );
+            Remark::warning(Aspect::Clouds, "ground", text)
+        })
+    }
 }
 
 fn examine_picture(measured: &Measured) -> Option<Remark> {
@@ -167,12 +183,27 @@ mod tests {
     }
 
     #[test]
+    fn a_road_beside_the_egos_zero_height_is_told_where_most_samples_show_it() {
+        let road: Vec<Point<Ego>> = in_ego(&street().measured.ego_from_lidar, &street().measured.points);
+        let judge = |lifts_m: &[f64]| {
+            let mut ground = Ground::default();
+            for lift_m in lifts_m {
+                let lifted = road.iter().map(|point| Point::new(point.x(), point.y(), point.z() + lift_m));
+                ground.add(&lifted.collect::<Vec<_>>());
+            }
+            ground.judge().map(|remark| (remark.kind, remark.text))
+        };
+        assert_eq!((judge(&[]), judge(&[0.0, 0.1, 0.9, -0.8, 0.0])), (None, None), "a slope here and there");
+        let (kind, text) = judge(&[-1.0, -1.1, -1.0, 0.0]).unwrap();
+        assert!(kind == "ground" && text.contains("z = -1.00 m") && text.contains("4 samples"), "{text}");
+    }
+
+    #[test]
     fn what_is_odd_about_a_sample_is_told_and_nothing_else() {
         let usual = checks(|_| ());
         let odd = |found: Vec<&'static str>| -> Vec<&'static str> {
             found.into_iter().filter(|check| !usual.contains(check)).collect()
         };
-        assert_eq!(odd(checks_of_points(|point| point.z_m -= 1.0)), ["ground"]);
         assert_eq!(odd(checks_of_points(|point| point.intensity = 300.0)), ["intensity"]);
         assert_eq!(odd(checks_of_points(|point| point.intensity = f32::NAN)), ["intensity"]);
         assert_eq!(odd(checks(|sample| sample.measured.points.clear())), ["empty cloud"]);

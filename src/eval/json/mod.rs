@@ -152,7 +152,8 @@ fn read<T: TryFrom<RawBox, Error = String>>(path: &Path) -> Result<Boxes<T>, Jso
         let mut boxes = Vec::with_capacity(values.len());
         let mut n_points_in = Vec::with_capacity(values.len());
         for (index, value) in values.into_iter().enumerate() {
-            let raw = serde_json::from_value::<RawBox>(value).map_err(|error| error.to_string());
+            let raw = serde_path_to_error::deserialize::<_, RawBox>(value);
+            let raw = raw.map_err(|error| error.to_string());
             let converted = raw.and_then(|raw| match &raw.sample_token {
                 Some(token) if *token != sample => Err(format!("its `sample_token` is `{token}`")),
                 _ => {
@@ -170,6 +171,10 @@ fn read<T: TryFrom<RawBox, Error = String>>(path: &Path) -> Result<Boxes<T>, Jso
         samples.push((sample, boxes));
         n_points.push(n_points_in);
     }
+    if let Some(unknown) = file.samples.keys().filter(|id| !seen.contains(id.as_str())).min() {
+        let message = format!("`samples` has facts of `{unknown}`, which `results` does not name");
+        return Err(JsonError::NotBoxes { message, path: path.to_owned() });
+    }
     Ok(Boxes { path: path.to_owned(), samples, facts: file.samples, n_points })
 }
 
@@ -183,8 +188,7 @@ pub fn join(
 ) -> Result<Vec<EvalSample>, JsonError> {
     let found: HashSet<&str> = predictions.samples.iter().map(|(id, _)| id.as_str()).collect();
     let wanted: HashSet<&str> = truth.samples.iter().map(|(id, _)| id.as_str()).collect();
-    check_present(&wanted, &found, &truth.path, &predictions.path)?;
-    check_present(&found, &wanted, &predictions.path, &truth.path)?;
+    check_same(&found, &predictions.path, &wanted, &truth.path)?;
     let mut objects: HashMap<String, Vec<LabelledObject>> = truth.samples.into_iter().collect();
     let mut facts = truth.facts;
     let join_one = |((id, detections), n_points)| EvalSample {
@@ -209,6 +213,26 @@ pub fn join_dataset(predictions: Boxes<Detection>, dataset: &Dataset) -> Result<
         None => sample,
     };
     Ok(samples.into_iter().map(with_points).collect())
+}
+
+/// Whether predictions are of a data set's samples, all of them and no others.
+///
+/// # Errors
+/// [`JsonError::MissingSamples`] if one has a sample that the other has not.
+pub fn check_samples(predictions: &Boxes<Detection>, dataset: &Dataset) -> Result<(), JsonError> {
+    let found: HashSet<&str> = predictions.samples.iter().map(|(id, _)| id.as_str()).collect();
+    let wanted: HashSet<&str> = dataset.samples().iter().map(|sample| sample.id.as_str()).collect();
+    check_same(&found, &predictions.path, &wanted, dataset.path())
+}
+
+fn check_same(
+    found: &HashSet<&str>,
+    path: &Path,
+    wanted: &HashSet<&str>,
+    of_wanted: &Path,
+) -> Result<(), JsonError> {
+    check_present(wanted, found, of_wanted, path)?;
+    check_present(found, wanted, path, of_wanted)
 }
 
 fn check_present(
@@ -331,7 +355,8 @@ mod tests {
         let good = r#"{"translation":[1,2,3],"size":[1,1,1],"rotation":[1,0,0,0],"detection_name":"harmful","detection_score":0.5}"#;
         for (from, to, expected) in [
             ("[1,2,3]", "[1,NaN,3]", "`translation` holds NaN"),
-            ("[1,2,3]", "[1,2]", "length 2"),
+            ("[1,2,3]", "[1,2]", "translation: invalid length 2"),
+            ("0.5}", "\"0.5\"}", "detection_score: invalid type: string"),
             ("[1,1,1]", "[1,0,1]", "length_m is 0"),
             ("[1,1,1]", "[1,-Infinity,1]", "`size` holds NaN"),
             ("[1,0,0,0]", "[0,0,0,0]", "`rotation` is zero"),
@@ -350,5 +375,8 @@ mod tests {
     fn a_repeated_sample_and_a_list_of_results_are_refused() {
         assert!(error_of(r#"[], "s1": []"#).contains("appears twice"));
         assert!(error_of("3").contains("not a file of boxes"));
+        let facts = |of: &str| error_of(&format!("[]}}, \"samples\": {{{of}}}, \"meta\": {{"));
+        assert!(facts(r#""s2": {}"#).contains("facts of `s2`"));
+        assert!(facts(r#""s1": {"speed": 1}"#).contains("unknown field `speed`"));
     }
 }

@@ -45,7 +45,7 @@ mod tests {
         for table in TABLES {
             assert!(CONTENT.holds(&format!("{}/{table}.json", Release::Mini.name())), "{table}");
         }
-        for ours in [BLACK, mask_file("downtown").as_str(), "samples/CAM_FRONT/a-7__CAM_FRONT__1500.png"] {
+        for ours in [BLACK, mask_file("downtown-1").as_str(), "samples/CAM_FRONT/a-7__CAM_FRONT__1500.png"] {
             assert!(CONTENT.holds(ours), "{ours}");
         }
         for other in ["nuscenes_infos_train.pkl", "maps/expansion/downtown.json", "v1.0-mini/panoptic.json"] {

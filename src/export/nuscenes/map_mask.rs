@@ -1,7 +1,8 @@
 //! The global frame of an export and its map masks: the devkit draws pixels of 0.1 m, none left of or below the origin.
 //!
-//! So the drawings of a town are shifted by whole metres until they lie right of and above the origin. A log of nuScenes keeps its
-//! own global frame, and a town without a drawing is not shifted.
+//! So an episode's world is shifted by whole metres until its drawing lies right of and above the origin. What else is in the data
+//! set has no part in it: results on one export fit every data set that has the episode. A log of nuScenes keeps its own global
+//! frame, and an episode without a drawing is not shifted.
 
 use std::collections::BTreeMap;
 
@@ -22,14 +23,15 @@ const MAX_SIDE_PX: f64 = 20_000.0;
 /// The side of a mask without a drawing, pixels.
 const EMPTY_SIDE_PX: u32 = 100;
 
-/// Of each town, the shift from our world to the global frame, and the size of its mask.
+/// Of each episode, by its name, the shift from its world to the global frame, and the size of its mask.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct GlobalFrames {
-    towns: BTreeMap<String, TownFrame>,
+    episodes: BTreeMap<String, Bounds>,
 }
 
+/// What an episode's drawing covers.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct TownFrame {
+struct Bounds {
     low_m: [f64; 2],
     high_m: [f64; 2],
 }
@@ -45,57 +47,57 @@ impl GlobalFrames {
             interrupt::check()?;
             let reader = EpisodeReader::open_known(source.path(), entry)?;
             if reader.log().is_none_or(|log| log.format != "nuscenes") {
-                frames.take(&entry.town, &reader.map()?);
+                frames.take(&entry.name, &reader.map()?);
             }
         }
         Ok(frames)
     }
 
-    fn take(&mut self, town: &str, map: &MapDrawing) {
-        let points = || map.drivable_area.iter().flatten().chain(map.lane_lines.iter().flatten());
-        if points().next().is_none() {
-            return;
-        }
-        let nothing = TownFrame { low_m: [f64::INFINITY; 2], high_m: [f64::NEG_INFINITY; 2] };
-        let frame = self.towns.entry(town.to_owned()).or_insert(nothing);
-        for point in points() {
-            for (axis, value) in [point.x(), point.y()].into_iter().enumerate() {
-                frame.low_m[axis] = frame.low_m[axis].min(value);
-                frame.high_m[axis] = frame.high_m[axis].max(value);
+    fn take(&mut self, episode: &str, map: &MapDrawing) {
+        let mut bounds: Option<Bounds> = None;
+        for point in map.drivable_area.iter().flatten().chain(map.lane_lines.iter().flatten()) {
+            let at_m = [point.x(), point.y()];
+            let bounds = bounds.get_or_insert(Bounds { low_m: at_m, high_m: at_m });
+            for (axis, value) in at_m.into_iter().enumerate() {
+                bounds.low_m[axis] = bounds.low_m[axis].min(value);
+                bounds.high_m[axis] = bounds.high_m[axis].max(value);
             }
         }
+        self.episodes.extend(bounds.map(|bounds| (episode.to_owned(), bounds)));
     }
 
-    /// What is added to a town's world coordinates; none to heights.
+    /// What is added to an episode's world coordinates; none to heights.
     #[must_use]
-    pub fn shift_m(&self, town: &str) -> Vector3<f64> {
-        let Some(frame) = self.towns.get(town) else { return Vector3::zeros() };
-        let [x, y] = frame.low_m.map(|low_m| (MARGIN_M - low_m).ceil());
+    pub fn shift_m(&self, episode: &str) -> Vector3<f64> {
+        let Some(bounds) = self.episodes.get(episode) else { return Vector3::zeros() };
+        let [x, y] = bounds.low_m.map(|low_m| (MARGIN_M - low_m).ceil());
         Vector3::new(x, y, 0.0)
     }
 
-    /// The transform that shifts a town's world into the global frame.
+    /// The transform that shifts an episode's world into the global frame.
     #[must_use]
-    pub fn global_from_world(&self, town: &str) -> Transform<World, World> {
-        Transform::new(self.shift_m(town), nalgebra::UnitQuaternion::identity())
+    pub fn global_from_world(&self, episode: &str) -> Transform<World, World> {
+        Transform::new(self.shift_m(episode), nalgebra::UnitQuaternion::identity())
     }
 
-    /// An empty mask of a town.
-    pub(super) fn blank_mask(&self, town: &str) -> GrayImage {
-        let Some(frame) = self.towns.get(town) else { return GrayImage::new(EMPTY_SIDE_PX, EMPTY_SIDE_PX) };
-        let shift_m = self.shift_m(town);
-        let side = |axis: usize| {
-            let high_m = frame.high_m[axis] + shift_m[axis] + MARGIN_M;
-            (high_m * PX_PER_M).ceil().min(MAX_SIDE_PX) as u32
+    /// An episode's mask: white where its drawing has drivable area.
+    pub(super) fn mask(&self, episode: &str, map: &MapDrawing) -> GrayImage {
+        let shift_m = self.shift_m(episode);
+        let mut mask = match self.episodes.get(episode) {
+            None => GrayImage::new(EMPTY_SIDE_PX, EMPTY_SIDE_PX),
+            Some(bounds) => {
+                let side = |axis: usize| {
+                    let high_m = bounds.high_m[axis] + shift_m[axis] + MARGIN_M;
+                    (high_m * PX_PER_M).ceil().min(MAX_SIDE_PX) as u32
+                };
+                GrayImage::new(side(0), side(1))
+            }
         };
-        GrayImage::new(side(0), side(1))
-    }
-}
-
-/// Fills the drivable area of a drawing; `shift_m` is its town's.
-pub(super) fn draw(mask: &mut GrayImage, map: &MapDrawing, shift_m: Vector3<f64>) {
-    for triangle in &map.drivable_area {
-        fill(mask, &triangle.map(|corner| to_pixel(&corner, shift_m, mask.height())));
+        let height_px = mask.height();
+        for triangle in &map.drivable_area {
+            fill(&mut mask, &triangle.map(|corner| to_pixel(&corner, shift_m, height_px)));
+        }
+        mask
     }
 }
 
@@ -139,16 +141,22 @@ mod tests {
             drivable_area: vec![[corner(-30.0, -20.5), corner(-10.0, -20.5), corner(-10.0, 0.0)]],
         };
         let mut frames = GlobalFrames::default();
-        frames.take("oldtown", &map);
-        let shift_m = frames.shift_m("oldtown");
-        assert_eq!(shift_m, Vector3::new(80.0, 71.0, 0.0));
-        let mut mask = frames.blank_mask("oldtown");
+        frames.take("a", &map);
+        let alone = frames.shift_m("a");
+        assert_eq!(alone, Vector3::new(80.0, 71.0, 0.0));
+        let mask = frames.mask("a", &map);
         assert_eq!(mask.dimensions(), (1200, 1210));
-        draw(&mut mask, &map, shift_m);
         // As in the devkit's `to_pixel_coords`: column x / 0.1, row height - y / 0.1.
         let at = |x: f64, y: f64| mask.get_pixel((x * 10.0) as u32, 1210 - (y * 10.0) as u32 - 1).0[0];
         assert_eq!([at(69.0, 55.0), at(52.0, 68.0), at(100.0, 55.0)], [255, 0, 0]);
-        assert_eq!(frames.shift_m("nowhere"), Vector3::zeros());
-        assert_eq!(frames.blank_mask("nowhere").dimensions(), (100, 100));
+        let empty = MapDrawing { lane_lines: Vec::new(), drivable_area: Vec::new() };
+        frames.take("b", &empty);
+        assert_eq!(
+            (frames.shift_m("b"), frames.mask("b", &empty).dimensions()),
+            (Vector3::zeros(), (100, 100))
+        );
+        // Another episode of the town, farther left, moves nothing.
+        frames.take("c", &MapDrawing { drivable_area: vec![[corner(-90.0, 0.0); 3]], ..empty });
+        assert_eq!((frames.shift_m("a"), frames.shift_m("c").x), (alone, 140.0));
     }
 }

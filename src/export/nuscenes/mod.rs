@@ -1,4 +1,4 @@
-//! A data set as a folder of nuScenes: 13 tables, clouds, pictures, poses, CAN bus, a map mask a town.
+//! A data set as a folder of nuScenes: 13 tables, clouds, pictures, poses, CAN bus, a map mask a log.
 //!
 //! nuscenes-devkit and mmdetection3d read it unmodified. Both know official scene names only, and which of them are for training:
 //! so scenes get such names by their split.
@@ -18,7 +18,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
-use image::GrayImage;
 use serde::Serialize;
 use serde_json::json;
 
@@ -202,8 +201,8 @@ struct Export {
     folder: NewFolder,
     frames: GlobalFrames,
     versions: Vec<(Version, Tables)>,
-    /// Masks and the logs on them, by town.
-    towns: BTreeMap<String, (GrayImage, Vec<(String, Token)>)>,
+    /// Each episode's log, which has a mask of its own.
+    logs: Vec<(String, Token)>,
     /// Beginnings and ends of the scenes so far.
     times_us: Vec<(u64, u64)>,
     channels: BTreeSet<String>,
@@ -227,7 +226,7 @@ impl Export {
             frames: GlobalFrames::of(source)?,
             folder,
             versions,
-            towns: BTreeMap::new(),
+            logs: Vec::new(),
             times_us: Vec::new(),
             channels: BTreeSet::new(),
             black_channels: BTreeSet::new(),
@@ -250,7 +249,7 @@ impl Export {
             return Err(ExportError::Unfit { message, path: episode.reader.path().to_owned() });
         }
         let place = Placement {
-            global_from_world: self.frames.global_from_world(&entry.town),
+            global_from_world: self.frames.global_from_world(&entry.name),
             delay_us: self.delay_us(episode.reader.times_ns()),
         };
         let mut rows = scene::write(&episode, &place, naming, &self.folder, progress)?;
@@ -259,12 +258,11 @@ impl Export {
         let missing = cameras::missing(episode.reader.cameras());
         self.black_channels.extend(missing.iter().map(|camera| camera.channel.to_owned()));
         self.categories.extend(&rows.categories);
-        let (mask, logs) = self
-            .towns
-            .entry(entry.town.clone())
-            .or_insert_with(|| (self.frames.blank_mask(&entry.town), Vec::new()));
-        map_mask::draw(mask, &episode.reader.map()?, self.frames.shift_m(&entry.town));
-        logs.push((entry.name.clone(), rows.log.token.clone()));
+        let mut mask = std::io::Cursor::new(Vec::new());
+        let drawn = self.frames.mask(&entry.name, &episode.reader.map()?);
+        drawn.write_to(&mut mask, image::ImageFormat::Png).expect("a mask has a PNG form");
+        self.folder.write(&mask_file(&entry.name), mask.get_ref())?;
+        self.logs.push((entry.name.clone(), rows.log.token.clone()));
         for (version, tables) in &mut self.versions {
             if let Some((_, name)) = version.scenes.get(&entry.name) {
                 rows.scene.name.clone_from(name);
@@ -306,19 +304,12 @@ impl Export {
         self.channels.extend(self.black_channels.iter().cloned());
         for (version, tables) in &mut self.versions {
             add_shared_rows(tables, &self.channels, &self.categories)?;
-            for (town, (_, logs)) in &self.towns {
-                let logs = logs.iter().filter(|(episode, _)| version.scenes.contains_key(episode));
-                let log_tokens: Vec<Token> = logs.map(|(_, token)| token.clone()).collect();
-                if !log_tokens.is_empty() {
-                    let (token, filename) = (Token::of("map", town), mask_file(town));
-                    tables.add(&MapRow { token, log_tokens, category: "semantic_prior".into(), filename })?;
-                }
+            for (episode, log) in self.logs.iter().filter(|(episode, _)| version.scenes.contains_key(episode))
+            {
+                let (token, filename) = (Token::of("map", episode), mask_file(episode));
+                let log_tokens = vec![log.clone()];
+                tables.add(&MapRow { token, log_tokens, category: "semantic_prior".into(), filename })?;
             }
-        }
-        for (town, (mask, _)) in &self.towns {
-            let mut bytes = std::io::Cursor::new(Vec::new());
-            mask.write_to(&mut bytes, image::ImageFormat::Png).expect("a mask has a PNG form");
-            self.folder.write(&mask_file(town), bytes.get_ref())?;
         }
         let mut versions = BTreeMap::new();
         for (version, tables) in self.versions {
@@ -349,8 +340,8 @@ impl Export {
     }
 }
 
-fn mask_file(town: &str) -> String {
-    format!("maps/{}.png", Token::of("map", town))
+fn mask_file(episode: &str) -> String {
+    format!("maps/{}.png", Token::of("map", episode))
 }
 
 fn add_rows(tables: &mut Tables, rows: &SceneRows) -> std::io::Result<()> {

@@ -4,6 +4,7 @@ use image::ImageError;
 use rayon::prelude::*;
 
 use super::pictures::jpeg;
+use super::scored_data::NoData;
 use super::{ReportError, Side};
 use crate::eval::{Fault, FaultKind};
 use crate::object::Distribution;
@@ -11,7 +12,7 @@ use crate::report::document::{Block, Card, Filter, Gallery};
 use crate::report::score_tables::to_words;
 use crate::report::scores::FAULTS_FILE;
 use crate::report::table::number;
-use crate::report::view::{self, LabelledView, Scene};
+use crate::report::view::{self, Scene};
 
 /// The camera's picture and the view from above, pixels; the camera's has the shape of the sensor's default.
 const FRONT_PX: (u32, u32) = (576, 324);
@@ -27,14 +28,8 @@ pub fn blocks(sides: &[Side], most: usize) -> Result<Vec<Block>, ReportError> {
             blocks.push(Block::absent(what, side.command_of_scores()));
             continue;
         };
-        if side.dataset.is_none() {
-            let what = format!("{}: no pictures, since the data set is not known or not there", side.name);
-            let command = format!(
-                "harmzone report OUT .. --{0} {1} --{0}-data DIR",
-                side.key,
-                side.scores.folder.display()
-            );
-            blocks.push(Block::absent(what, command));
+        if let Err(why) = &side.dataset {
+            blocks.push(no_pictures(side, why));
         }
         let chosen: Vec<(usize, &Fault)> = FaultKind::ALL
             .into_iter()
@@ -42,6 +37,15 @@ pub fn blocks(sides: &[Side], most: usize) -> Result<Vec<Block>, ReportError> {
             .collect();
         let of_side: Vec<Card> =
             chosen.into_par_iter().map(|(i, fault)| card(side, i + 1, fault)).collect::<Result<_, _>>()?;
+        let n_without = of_side.iter().filter(|card| card.pictures.is_none()).count();
+        if side.dataset.is_ok() && n_without > 0 {
+            let what = format!(
+                "{}: no pictures of {n_without} of {} faults, since their labels or episodes are not there",
+                side.name,
+                of_side.len()
+            );
+            blocks.push(Block::absent(what, side.command_with_data()));
+        }
         cards.extend(of_side);
     }
     if cards.is_empty() {
@@ -56,6 +60,21 @@ pub fn blocks(sides: &[Side], most: usize) -> Result<Vec<Block>, ReportError> {
     blocks.insert(0, Block::text(note));
     blocks.push(Block::Gallery(Gallery { filters: filters(&cards), cards }));
     Ok(blocks)
+}
+
+/// Says why a side has no pictures at all, and what helps.
+fn no_pictures(side: &Side, why: &NoData) -> Block {
+    let (why, command) = match why {
+        NoData::Unknown => ("the data set is not known or not there", side.command_with_data()),
+        NoData::Changed => {
+            ("the data set or its labels are not those that were scored", side.command_of_scores())
+        }
+        NoData::Unlabelled { path, labels } => {
+            let command = format!("harmzone label {} --labels {labels}", path.display());
+            ("the labels that were scored are not there", command)
+        }
+    };
+    Block::absent(format!("{}: no pictures, since {why}", side.name), command)
 }
 
 fn filters(cards: &[Card]) -> Vec<Filter> {
@@ -151,13 +170,13 @@ fn facts(fault: &Fault) -> Vec<String> {
     facts
 }
 
-/// `None` if the sample is not in the side's data set.
+/// `None` if the sample or its labels are not in the side's data set.
 fn pictures(side: &Side, fault: &Fault) -> Result<Option<[String; 2]>, ReportError> {
-    let Some(dataset) = &side.dataset else { return Ok(None) };
+    let Ok(dataset) = &side.dataset else { return Ok(None) };
     let Some((episode, sample_idx)) = fault.sample.rsplit_once('/') else { return Ok(None) };
     let entry = dataset.manifest.episodes.iter().find(|entry| entry.name == episode);
     let (Some(entry), Ok(sample_idx)) = (entry, sample_idx.parse()) else { return Ok(None) };
-    let labelled = LabelledView::read(&dataset.path, &dataset.labels, entry, sample_idx)?;
+    let Some(labelled) = dataset.read(entry, sample_idx)? else { return Ok(None) };
     let scene = Scene {
         episode,
         sample_idx,

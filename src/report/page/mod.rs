@@ -12,6 +12,7 @@ mod headline;
 mod pictures;
 mod provenance;
 mod safety;
+mod scored_data;
 mod strips;
 mod sweeps;
 #[cfg(test)]
@@ -23,7 +24,8 @@ use fs_err as fs;
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::episode::{Manifest, ManifestError};
+use self::scored_data::{NoData, SideData};
+use crate::episode::ManifestError;
 use crate::eval::Mode;
 use crate::files::{self, write_atomic};
 use crate::outcome::{DriveSummary, ReadDrivesError};
@@ -72,7 +74,7 @@ pub enum ReportError {
 pub struct ScoresRequest {
     /// Folder of `harmzone eval --out`.
     pub folder: PathBuf,
-    /// The data set that was scored, for pictures; `None` takes the one that the scores name, if it is there.
+    /// The data set that was scored, for pictures; `None` takes the one that the scores name, as far as it is there.
     pub data: Option<PathBuf>,
 }
 
@@ -127,15 +129,7 @@ struct Side {
     name: &'static str,
     short: &'static str,
     scores: Scores,
-    dataset: Option<SideData>,
-}
-
-/// The data set of a side.
-#[derive(Debug, Clone, PartialEq)]
-struct SideData {
-    path: PathBuf,
-    labels: String,
-    manifest: Manifest,
+    dataset: Result<SideData, NoData>,
 }
 
 impl Side {
@@ -154,17 +148,7 @@ impl Side {
             let (found, wanted, path) = (told(found), told(mode), request.folder.clone());
             return Err(ReportError::OtherMode { key, found, wanted, path });
         }
-        let source = scores.provenance.as_ref();
-        let named =
-            source.and_then(|source| source.data.clone()).filter(|path| path.join(Manifest::FILE).is_file());
-        let dataset = match request.data.clone().or(named) {
-            None => None,
-            Some(path) => {
-                let labels = source.and_then(|source| source.labels.clone());
-                let manifest = Manifest::read(&path)?;
-                Some(SideData { path, labels: labels.unwrap_or_else(|| "rect".to_owned()), manifest })
-            }
-        };
+        let dataset = SideData::find(request, scores.provenance.as_ref())?;
         Ok(Self { key, name, short, scores, dataset })
     }
 
@@ -172,6 +156,11 @@ impl Side {
     fn command_of_scores(&self) -> String {
         let flag = if self.key == "ood" { " --ood" } else { "" };
         format!("harmzone eval RUN --data DIR{flag} --out {} --force", self.scores.folder.display())
+    }
+
+    /// The command that names the data set of the scores.
+    fn command_with_data(&self) -> String {
+        format!("harmzone report OUT .. --{0} {1} --{0}-data DIR", self.key, self.scores.folder.display())
     }
 }
 

@@ -32,7 +32,7 @@ pub fn blocks(sides: &[Side], command: &str) -> Vec<Block> {
             ("Detector", source.and_then(|source| source.model_toml.clone())),
             ("Training, train.toml", source.and_then(|source| source.train_toml.clone())),
         ];
-        if let Some(dataset) = &side.dataset {
+        if let Ok(dataset) = &side.dataset {
             configs.push(("Data set, gen.toml", fs::read_to_string(dataset.path.join("gen.toml")).ok()));
             let labels = LabelManifest::read(&dataset.path, &dataset.labels).ok();
             configs.push(("Danger zone, zone.toml", labels.map(|labels| labels.zone_toml)));

@@ -6,6 +6,7 @@ use fs_err as fs;
 
 use super::*;
 use crate::dataset::{Fingerprint, SampleFacts};
+use crate::episode::{LabelManifest, Manifest};
 use crate::eval::{EvalSample, Protocol, evaluate};
 use crate::geometry::{Box3, Point};
 use crate::object::{Detection, Distribution, Harm, Kind, LabelledObject, Object};
@@ -253,6 +254,44 @@ fn scores_of_the_other_kind_and_missing_data_are_refused() {
     let mut elsewhere = made.request.clone();
     elsewhere.id.as_mut().unwrap().data = Some(made.folder.path().join("nowhere"));
     assert!(run(&elsewhere).unwrap_err().to_string().contains("nowhere"));
+}
+
+#[test]
+fn old_faults_are_not_drawn_over_another_data_set_or_without_its_labels() {
+    let mut made = Made::new(true);
+    made.request.id = None;
+    let data = made.folder.path().join("data");
+    // Without an episode: what is wrong is told before a sample is read.
+    let write = |seed: u64| {
+        fs::create_dir_all(LabelManifest::folder(&data, "rect")).unwrap();
+        let manifest = Manifest::new("c0ffee".into(), seed, true);
+        manifest.write(&data).unwrap();
+        LabelManifest::new("rect", String::new(), &manifest).write(&data).unwrap();
+    };
+    write(1);
+    let source = Provenance {
+        data: Some(data.clone()),
+        fingerprint: Some(Fingerprint::of(&data, "rect").unwrap()),
+        ..Provenance::default()
+    };
+    let file = made.request.ood.as_ref().unwrap().folder.join(PROVENANCE_FILE);
+    fs::write(file, serde_json::to_string(&source).unwrap()).unwrap();
+    let check = |made: &Made, what: &str, command: &str| {
+        let (summary, html) = made.html();
+        let is_told = |line: &String| line.contains(what) && line.contains(command);
+        assert!(summary.absent.iter().any(is_told) && html.contains(what), "{what}: {:?}", summary.absent);
+        assert!(summary.n_cards == 6 && !summary.is_whole, "the faults are told all the same");
+    };
+    check(&made, "no pictures of 6 of 6 faults", "--ood-data DIR");
+    write(2);
+    let changed = "no pictures, since the data set or its labels are not those that were scored";
+    check(&made, changed, "harmzone eval");
+    fs::remove_dir_all(data.join("labels")).unwrap();
+    check(&made, "no pictures, since the labels that were scored are not there", "harmzone label");
+    made.request.ood.as_mut().unwrap().data = Some(data.clone());
+    check(&made, "no pictures of 6 of 6 faults", "--ood-data DIR");
+    write(2);
+    check(&made, changed, "harmzone eval");
 }
 
 #[test]

@@ -95,6 +95,19 @@ pub fn run(request: &SweepRequest<'_>) -> Result<SweepSummary, SweepReportError>
     fs::create_dir_all(out)?;
     let json = out.join(JSON_FILE);
     files::remove_if_there(&json)?;
+    // Sweeps of other samples may have drawn what these have not.
+    for name in ["early.svg", "early.png", pictures::FRAME_SPEED, pictures::FRAME_STEERING] {
+        files::remove_if_there(&out.join(name))?;
+    }
+    let kinds = out.join(pictures::KINDS);
+    if kinds.is_dir() {
+        for file in fs::read_dir(&kinds)? {
+            let path = file?.path();
+            if path.extension().is_some_and(|of| of == "png") {
+                fs::remove_file(path)?;
+            }
+        }
+    }
     let config_text =
         format!("# harmzone {}, harmzone sweep\n{}", env!("CARGO_PKG_VERSION"), to_toml(config));
     write_atomic(&out.join(CONFIG_FILE), config_text.as_bytes())?;

@@ -13,6 +13,12 @@ use crate::report::view::{self, Scene, StatePanel, draw_states};
 use crate::sample::{EgoState, Sample, Truth};
 use crate::zone::Zone;
 
+/// Names of one frame's pictures.
+pub const FRAME_SPEED: &str = "frame_speed.png";
+pub const FRAME_STEERING: &str = "frame_steering.png";
+/// Name of the folder of pictures by kind.
+pub const KINDS: &str = "kinds";
+
 /// Pictures by their names in the folder.
 type Named = Vec<(String, RgbImage)>;
 
@@ -28,14 +34,14 @@ pub fn draw_all(
 ) -> Result<Named, SweepReportError> {
     let mut pictures = Vec::new();
     for Series { frame, change, values, found } in series {
-        let name = if *change == Change::SpeedMps { "frame_speed.png" } else { "frame_steering.png" };
+        let name = if *change == Change::SpeedMps { FRAME_SPEED } else { FRAME_STEERING };
         let picture = draw_frame(frame, zone, *change, values, found, config.picture_min_score)?;
         pictures.push((name.to_owned(), picture));
     }
     for (category, frame_idx) in best_seen(swept.frames()) {
         let found = shown(swept.recorded(frame_idx), config.picture_min_score);
         let picture = draw_kind(&swept.frames()[frame_idx], zone, &found)?;
-        pictures.push((format!("kinds/{category}.png"), picture));
+        pictures.push((format!("{KINDS}/{category}.png"), picture));
     }
     Ok(pictures)
 }

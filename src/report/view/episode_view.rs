@@ -26,7 +26,7 @@ pub struct EpisodeRequest {
 
 /// An episode, opened.
 pub struct EpisodeView {
-    entry: EpisodeEntry,
+    pub(super) entry: EpisodeEntry,
     pub(super) episode: EpisodeReader,
     pub(super) labels: Option<LabelReader>,
     pub(super) detections: Option<DetectionReader>,

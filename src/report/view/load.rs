@@ -10,7 +10,7 @@ use super::moment::Moment;
 use super::rerun_process::RerunError;
 use super::{Scene, draw};
 use crate::episode::manifest::{EpisodeEntry, LabelManifest, Manifest, ManifestError, label_sets};
-use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader};
+use crate::episode::{DetectionReader, EpisodeError, EpisodeReader, LabelReader, label_command, zone_in};
 use crate::files::{self, write_atomic};
 use crate::geometry::Point2;
 use crate::object::{Detection, Harm};
@@ -35,11 +35,9 @@ pub enum ViewError {
     NoEpisode { episode: String, found: Vec<String>, path: PathBuf },
     #[error("no label set `{set}`, found {found:?}; `harmzone label {}` makes labels: {}", path.display(), path.display())]
     NoLabels { set: String, found: Vec<String>, path: PathBuf },
-    #[error(
-        "episode `{episode}` has no labels in set `{set}`; `harmzone label {} --labels {set}` makes them",
-        path.display()
-    )]
-    NotLabelled { episode: String, set: String, path: PathBuf },
+    /// `command`: `harmzone label` with the set's zone.
+    #[error("episode `{episode}` has no labels in set `{set}`; `{command}` makes them")]
+    NotLabelled { episode: String, set: String, command: String },
     #[error("no predictions for episode `{episode}`; {wanted:?} is needed here; `harmzone predict RUN --data DIR` writes it: {}", path.display())]
     NoPredictions { episode: String, wanted: String, path: PathBuf },
     #[error("no labels or predictions at this sample's time ({time_ns} ns): {}", path.display())]
@@ -200,8 +198,10 @@ fn labels_of(dataset: &Path, label_set: &str, entry: &EpisodeEntry) -> Result<La
     }
     let file = label_file(&folder, entry);
     if !store::is_there(&file)? {
-        let (episode, set, path) = (entry.name.clone(), label_set.to_owned(), dataset.to_owned());
-        return Err(ViewError::NotLabelled { episode, set, path });
+        let zone = LabelManifest::read(dataset, label_set).ok().and_then(|labels| zone_in(&labels.zone_toml));
+        let command = label_command(dataset, label_set, zone.as_ref());
+        let (episode, set) = (entry.name.clone(), label_set.to_owned());
+        return Err(ViewError::NotLabelled { episode, set, command });
     }
     let reader = LabelReader::open(&file)?;
     reader.check_episode(&entry.sha256)?;

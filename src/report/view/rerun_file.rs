@@ -3,7 +3,7 @@
 //! Rerun's own crate would add more crates to the build than harmzone has dependencies; its Python package is one wheel. The process is
 //! told each sample in a line of JSON and the bytes of picture and points after it (`python/harmzone/_rerun.py`).
 
-use std::io::{ErrorKind, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use fs_err as fs;
@@ -16,7 +16,7 @@ use super::episode_view::{EpisodeView, ViewedSample};
 use super::load::ViewError;
 use super::palette;
 use super::rerun_process::RerunProcess;
-use crate::files::{FolderLock, PARTIAL_SUFFIX, keep_as, remove_if_there};
+use crate::files::{FolderLock, PARTIAL_SUFFIX, keep_as, remove_if_there, sha256_hex};
 use crate::geometry::{Box3, Ego, Frame, Point, Transform};
 use crate::interrupt;
 use crate::object::{Detection, Harm, Object};
@@ -24,6 +24,10 @@ use crate::progress::Progress;
 use crate::sample::ImageFormat;
 use crate::scene::car::EGO_LENGTH_M;
 use crate::scene::ego_glb;
+use crate::store::sha256_of;
+
+/// Digits of the hash in a recording's id.
+const ID_DIGITS: usize = 16;
 
 /// Writes the recording of a whole episode.
 ///
@@ -63,6 +67,33 @@ pub fn write_episode_rrd(
     Ok(keep_as(partial, out)?)
 }
 
+/// What a recording is made from, by which two of one episode's name are told apart: drivers share the names of their episodes.
+#[derive(Debug, Clone, Serialize)]
+struct RecordedFiles {
+    episode_sha256: String,
+    labels_sha256: Option<String>,
+    detections_sha256: Option<String>,
+    /// Of the detections.
+    min_score: Option<f64>,
+}
+
+impl RecordedFiles {
+    fn of(view: &EpisodeView) -> io::Result<Self> {
+        Ok(Self {
+            episode_sha256: view.entry.sha256.clone(),
+            labels_sha256: view.labels.as_ref().map(|labels| sha256_of(labels.path())).transpose()?,
+            detections_sha256: view.detections.as_ref().map(|found| sha256_of(found.path())).transpose()?,
+            min_score: view.detections.as_ref().map(|_| view.min_score),
+        })
+    }
+
+    /// The recording's id: the episode's name with a short hash of this.
+    fn id(&self, episode: &str) -> String {
+        let json = serde_json::to_string(self).expect("texts and numbers have a JSON form");
+        format!("{episode}-{}", &sha256_hex(json.as_bytes())[..ID_DIGITS])
+    }
+}
+
 /// Tells the header and every sample.
 fn tell(view: &EpisodeView, to: &mut impl Write, progress: &dyn Progress) -> Result<(), ViewError> {
     let first = view.sample(0)?;
@@ -73,9 +104,10 @@ fn tell(view: &EpisodeView, to: &mut impl Write, progress: &dyn Progress) -> Res
     let road: Vec<[[f64; 3]; 3]> =
         map.drivable_area.iter().map(|corners| corners.each_ref().map(plain)).collect();
     let front_m = first.sample.measured.ego_state.front_bumper_x_m;
+    let recording_id = RecordedFiles::of(view)?.id(view.name());
     let header = json!({
-        "bytes": [glb.len()], "episode": view.name(), "colors": colors(), "lane_lines": lines, "road": road,
-        "car_x_m": front_m - EGO_LENGTH_M / 2.0,
+        "bytes": [glb.len()], "episode": view.name(), "recording_id": recording_id,
+        "colors": colors(), "lane_lines": lines, "road": road, "car_x_m": front_m - EGO_LENGTH_M / 2.0,
     });
     write_message(to, &header, &[&glb])?;
     for sample_idx in 0..view.n_samples() {
@@ -208,4 +240,38 @@ fn plain<F: Frame>(point: &Point<F>) -> [f64; 3] {
 fn rows<To: Frame, From: Frame>(to_from: &Transform<To, From>) -> [[f64; 4]; 4] {
     let matrix = to_from.isometry.to_homogeneous();
     std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn recordings_from_other_files_or_another_score_have_ids_of_their_own() {
+        let hash = |digit: &str| digit.repeat(64);
+        let bare = RecordedFiles {
+            episode_sha256: hash("a"),
+            labels_sha256: None,
+            detections_sha256: None,
+            min_score: None,
+        };
+        let labelled = RecordedFiles { labels_sha256: Some(hash("b")), ..bare.clone() };
+        let found =
+            RecordedFiles { detections_sha256: Some(hash("c")), min_score: Some(0.3), ..labelled.clone() };
+        let all = [
+            RecordedFiles { episode_sha256: hash("d"), ..found.clone() },
+            RecordedFiles { labels_sha256: Some(hash("d")), ..found.clone() },
+            RecordedFiles { detections_sha256: Some(hash("d")), ..found.clone() },
+            RecordedFiles { min_score: Some(0.2), ..found.clone() },
+            bare,
+            labelled,
+            found,
+        ];
+        let ids: BTreeSet<String> = all.iter().map(|files| files.id("town-7")).collect();
+        assert_eq!(ids.len(), all.len());
+        assert!(all.iter().all(|files| ids.contains(&files.id("town-7"))), "the same files have the same id");
+        assert!(ids.iter().all(|id| id.starts_with("town-7-") && id.len() == "town-7-".len() + ID_DIGITS));
+    }
 }

@@ -110,9 +110,11 @@ async function loadRows(set) {
 function chooseSet(idx) {
   state.set = idx;
   by("set").value = idx;
-  const trouble = state.overview.sets[idx].trouble;
+  const { trouble, min_score: minScore } = state.overview.sets[idx];
   by("trouble").hidden = !trouble;
   by("trouble").textContent = trouble ?? "";
+  by("min-score").hidden = minScore === null;
+  by("min-score").textContent = minScore === null ? "" : `boxes from score ${minScore.toFixed(2)} on`;
   loadRows(idx).catch(notice);
 }
 

@@ -31,7 +31,7 @@ export class Player {
     by("back").addEventListener("click", () => this.step(-1));
     by("forward").addEventListener("click", () => this.step(1));
     by("next-fault").addEventListener("click", () => this.nextFault());
-    by("seek").addEventListener("input", (event) => this.go(Number(event.target.value)));
+    by("seek").addEventListener("input", (event) => this.goAndTell(Number(event.target.value)));
     new ResizeObserver(() => this.draw()).observe(by("stage"));
     new ResizeObserver(() => this.drawMarks()).observe(by("marks"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawMarks());
@@ -84,10 +84,14 @@ export class Player {
     by("now").textContent = "";
   }
 
-  /** A sample's parts; asked for once. */
+  /** A sample's parts; asked for once. The last used is the last of all. */
   load(sample) {
     const known = this.frames.get(sample);
-    if (known) return known;
+    if (known) {
+      this.frames.delete(sample);
+      this.frames.set(sample, known);
+      return known;
+    }
     const url = `${this.url}/samples/${sample}`;
     const picture = this.ask(`${url}/image`, "blob").then((blob) => createImageBitmap(blob));
     const points = this.ask(`${url}/points`, "arrayBuffer").then((bytes) => new Int16Array(bytes));
@@ -95,12 +99,15 @@ export class Player {
     this.frames.set(sample, frame);
     // What failed may be asked for again.
     frame.catch(() => this.frames.delete(sample));
-    if (this.frames.size > KEPT) {
-      const [oldest, gone] = this.frames.entries().next().value;
-      this.frames.delete(oldest);
-      gone.then(({ picture }) => picture?.close(), () => {});
-    }
+    if (this.frames.size > KEPT) this.makeRoom();
     return frame;
+  }
+
+  /** Lets the longest unused sample go, but not the one to be shown; a picture in view stays open. */
+  makeRoom() {
+    const [oldest, gone] = [...this.frames].find(([sample]) => sample !== this.at);
+    this.frames.delete(oldest);
+    gone.then((frame) => frame !== this.shown && frame.picture?.close(), () => {});
   }
 
   /** Shows a sample. */
@@ -142,7 +149,8 @@ export class Player {
 
   /** Shows a sample and says so to who does not see it. */
   goAndTell(sample) {
-    this.go(sample).then(() => this.say(), (error) => this.fail(error));
+    const say = () => sample === this.at && this.say();
+    this.go(sample).then(say, (error) => this.fail(error));
   }
 
   toggle() {
@@ -161,11 +169,13 @@ export class Player {
     if (!this.episode || this.episode.n_samples < 2) return;
     this.isPlaying = true;
     by("play").textContent = "Pause";
-    const turn = this.turn;
-    const isOn = () => this.isPlaying && turn === this.turn;
+    const [turn, last] = [this.turn, this.episode.n_samples - 1];
+    // Who pauses and plays again begins another run.
+    const run = (this.run = {});
+    const isOn = () => this.isPlaying && run === this.run && turn === this.turn && this.at < last;
     try {
-      if (this.at === this.episode.n_samples - 1) await this.go(0);
-      while (isOn() && this.at < this.episode.n_samples - 1) {
+      if (this.at === last) await this.go(0);
+      while (isOn()) {
         const begin = performance.now();
         const [from, next] = [this.shown, await this.load(this.at + 1)];
         const wanted = (1000 * (next.time_s - (from?.time_s ?? 0))) / Number(by("speed").value);
@@ -176,7 +186,7 @@ export class Player {
     } catch (error) {
       this.fail(error);
     }
-    if (turn === this.turn) this.pause();
+    if (run === this.run) this.pause();
   }
 
   draw() {

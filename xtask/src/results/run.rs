@@ -17,7 +17,7 @@ use harmzone::progress::Progress;
 use harmzone::report::results::{
     DataRecord, JudgeScores, Record, Repeat, ReportedRecord, Results, RivalRecord, SeedMeans,
 };
-use harmzone::train::TrainConfig;
+use harmzone::train::{DATA_FILE, TrainConfig};
 
 /// Runs an experiment, or what is left of it; a row that is done is not done again, a training that was broken off
 /// goes on.
@@ -142,6 +142,20 @@ fn check_given(request: &Request<'_>) -> anyhow::Result<()> {
                 absent.display()
             );
         }
+    }
+    // Equal training is training on the same drives.
+    let Some(headline) = &request.headline else { return Ok(()) };
+    let data = fs::read_to_string(headline.join(DATA_FILE))?;
+    for run in request.config.given.iter().flat_map(|of| &of.runs).chain(&request.headline_repeats) {
+        let path = run.join(DATA_FILE);
+        let found = fs::read_to_string(&path)?;
+        anyhow::ensure!(
+            found == data,
+            "cannot report on split test (--final): what stands beside the headline was trained on other data; found {found} and, in \
+             {}, {data}: {}",
+            headline.join(DATA_FILE).display(),
+            path.display()
+        );
     }
     Ok(())
 }
