@@ -13,6 +13,8 @@ use crate::files::{is_file, sha256_hex, write_atomic};
 pub const STEPS_FILE: &str = "log.csv";
 /// Name of the file with a row for each validation.
 pub const SCORES_FILE: &str = "validation.csv";
+/// Names of the files in which both are drawn.
+pub const CURVE_FILES: [&str; 2] = ["curves.svg", "curves.png"];
 
 /// A row of `log.csv`: one step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -5,8 +5,9 @@ mod made_data;
 use std::process::Command;
 
 use fs_err as fs;
+use harmzone::episode::{Manifest, Split};
 use harmzone::files::FolderLock;
-use made_data::{Fixture, command, copy, episodes, fails, fixture, harmzone, text};
+use made_data::{Fixture, TINY, command, copy, done, episodes, fails, fixture, harmzone, text};
 
 #[test]
 fn unknown_towns_and_weathers_list_those_that_exist() {
@@ -93,6 +94,30 @@ fn a_truncated_episode_and_a_foreign_file_are_named() {
     fs::write(&path, b"not an MCAP at all").expect("a writable copy");
     let message = fails(&["label", text(&dataset), "--labels", "again"]);
     assert!(message.contains(&name), "{message}");
+}
+
+#[test]
+fn a_validation_split_that_is_not_scored_is_not_read() {
+    let (_folder, dataset) = copy();
+    let manifest = Manifest::read(&dataset).expect("a manifest");
+    let broken = &manifest.of_split(Split::Val).next().expect("an episode of val").file;
+    fs::write(dataset.join(broken), b"not an MCAP at all").expect("a writable copy");
+    let out = dataset.join("run");
+    let train = [&["train", text(&dataset), "--out", text(&out)], TINY.as_slice()].concat();
+    let message = fails(&train);
+    assert!(message.contains(broken.as_str()), "{message}");
+    done(&[train.as_slice(), &["--set", "validate_every_epochs=0"]].concat());
+    assert!(out.join("model.safetensors").is_file() && !out.join("validation.csv").exists());
+}
+
+#[test]
+fn calibrate_refuses_a_judge_that_does_not_fit_the_labels_zone() {
+    let (_folder, dataset) = copy();
+    done(&["label", text(&dataset), "--set", "kind=arc"]);
+    let calibrate = ["calibrate", text(&fixture().run), "--judge", "zone-soft", "--labels", "arc"];
+    let message = fails(&[calibrate.as_slice(), &["--data", text(&dataset)]].concat());
+    assert!(message.contains("`zone-soft` cannot judge by zone `arc`"), "{message}");
+    assert!(message.contains(text(&dataset)), "{message}");
 }
 
 #[test]

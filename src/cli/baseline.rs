@@ -6,6 +6,7 @@ use anyhow::{anyhow, bail};
 use clap::Args;
 
 use super::detectors::judge_all;
+use super::eval::tell_learned;
 use super::predict::tell_boxes;
 use super::{Bar, DeviceArg, ExitStatus, SamplesArgs};
 use crate::config;
@@ -71,6 +72,7 @@ pub fn run(args: BaselineArgs) -> anyhow::Result<ExitStatus> {
     let _lock = Predictions::take_folder(&folder, args.force)?;
     let device = args.device.open()?;
     let dataset = args.samples.open()?;
+    tell_learned(&trained, dataset.episodes())?;
     let judged = match rival {
         Rival::Zone(judge) => {
             if !judge.fits(dataset.zone()) {

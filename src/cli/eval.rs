@@ -7,6 +7,7 @@ use clap::{ArgGroup, Args};
 use fs_err as fs;
 
 use super::engine::EngineArgs;
+use super::train::tell_other_zone;
 use super::{Bar, DeviceArg, ExitStatus, print, sensor, split, tell};
 use crate::dataset::blind::Sensor;
 use crate::dataset::{
@@ -199,16 +200,17 @@ fn samples_of_run(run: &Path, data: &ScoredData<'_>, args: &EvalArgs) -> anyhow:
     if !args.on_training_data {
         learned.with_context(|| format!("cannot score {} on {}", run.display(), data.path.display()))?;
     }
+    let split = data.split()?;
+    tell_other_zone(&trained, split.zone())?;
     if let Some(engine) = &args.engine.cluster_alone()? {
         let (program, device) = (Program::this()?, args.device.name());
         let (trained, blind, silence) = (&trained, args.blind, args.engine.silence());
         let workers = NetworkWorkers { engine, program: &program, trained, device, blind, silence };
-        let split = data.split()?;
         let found = workers.predict(data.path, split.episodes(), &Bar::default())?;
         let mut found = found.into_iter().flat_map(|found| found.found);
         return join(&split, blind, |samples| Ok(found.by_ref().take(samples.len()).collect()));
     }
-    let (device, split) = (args.device.open()?, data.split()?);
+    let device = args.device.open()?;
     let (detector, progress) = (trained.load(&device)?, Bar::default());
     progress.start("predict", split.n_samples() as u64);
     let with_camera = detector.config().use_camera;
@@ -257,6 +259,20 @@ pub fn tell_seen(trained: &Trained, episodes: &[EpisodeEntry]) -> anyhow::Result
         ));
     }
     Ok(seen.check_unlearned(episodes))
+}
+
+/// Says which episodes a network learned from, and goes on.
+///
+/// # Errors
+/// The checkpoint cannot be read.
+pub fn tell_learned(trained: &Trained, episodes: &[EpisodeEntry]) -> anyhow::Result<()> {
+    if let Err(learned) = tell_seen(trained, episodes)? {
+        tell(format!(
+            "the network learned from {} of the {} episodes",
+            learned.n_learned, learned.n_episodes
+        ));
+    }
+    Ok(())
 }
 
 /// Where scores come from: the network, the data set with its labels, and the command.

@@ -60,7 +60,7 @@ use tracing_subscriber::{EnvFilter, fmt};
 
 pub use detectors::{judge_all, judge_all_at};
 pub use device::{DeviceArg, DeviceNameArg, DevicesArg};
-pub use eval::{ScoredData, command_line, provenance, tell_seen};
+pub use eval::{ScoredData, command_line, provenance, tell_learned, tell_seen};
 pub use output::{ClosedPipe, path_text, print, print_either, print_summary, tell};
 pub use progress::Bar;
 pub use values::{SamplesArgs, number, one_of, sensor, split};

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::engine::EngineArgs;
-use super::{Bar, DeviceArg, ExitStatus, path_text, print_either, split, tell, tell_seen};
+use super::{Bar, DeviceArg, ExitStatus, path_text, print_either, split, tell_learned};
 use crate::config;
 use crate::dataset::MeasuredSplit;
 use crate::episode::{Manifest, PartOf, Shard, Split};
@@ -70,12 +70,7 @@ pub fn run(args: PredictArgs) -> anyhow::Result<ExitStatus> {
         None => whole.clone(),
     };
     // Boxes on training data serve to find faults; only figures on them are refused, by `eval`.
-    if let Err(learned) = tell_seen(&trained, recording.episodes())? {
-        tell(format!(
-            "the network learned from {} of the {} episodes",
-            learned.n_learned, learned.n_episodes
-        ));
-    }
+    tell_learned(&trained, recording.episodes())?;
     let config_toml = config::to_toml(&trained.config()?);
     let predictions = Predictions { folder, set: args.run.to_string(), config_toml };
     let part = match args.shard {

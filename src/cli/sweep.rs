@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::Args;
 
+use super::eval::tell_learned;
 use super::{Bar, DeviceArg, ExitStatus, SamplesArgs, print_summary, tell};
 use crate::config::{self, Checked};
 use crate::eval::Protocol;
@@ -52,6 +53,7 @@ pub fn run(args: SweepArgs) -> anyhow::Result<ExitStatus> {
     let device = args.device.open()?;
     let dataset = args.samples.open()?;
     config.judges = judges_for(&config.judges, dataset.zone())?;
+    tell_learned(&trained, dataset.episodes())?;
     let config = Checked::try_from(config)?;
     let detector = trained.load(&device)?;
     let (swept, series) = infer::sweep(&detector, &dataset, &config, &device, &Bar::default())?;

@@ -10,6 +10,7 @@ use super::{Bar, DevicesArg, ExitStatus, path_text, print, print_summary, tell};
 use crate::config::{self, Checked};
 use crate::dataset::{Dataset, DatasetError, LabelledSplit, SampleSource};
 use crate::episode::Split;
+use crate::infer::Trained;
 use crate::model::HeadJudge;
 use crate::report::curves;
 use crate::store::{Access, Location};
@@ -121,10 +122,29 @@ impl Opened {
     }
 }
 
+/// Whether who decides together with the default zone decides about labels of another one.
+fn judges_by_another_zone(judge: HeadJudge, zone: &Zone) -> anyhow::Result<bool> {
+    Ok(judge == HeadJudge::Both && *zone != Zone::try_from(ZoneConfig::default())?)
+}
+
+/// Warns where a network's own judge goes by another zone than the labels that it is held against.
+///
+/// # Errors
+/// The checkpoint is broken.
+pub fn tell_other_zone(trained: &Trained, zone: &Zone) -> anyhow::Result<()> {
+    if judges_by_another_zone(trained.config()?.head.judge, zone)? {
+        tell(
+            "the labels are of another zone than the default one, by which the network judges together with its class branch \
+             (model.head.judge = both): its figures are of another rule than the labels'",
+        );
+    }
+    Ok(())
+}
+
 /// The config for labels of a zone. Who judges together with the default zone would be wrong about labels of another one.
 fn judged_by_their_zone(config: &Checked<TrainConfig>, zone: &Zone) -> anyhow::Result<Checked<TrainConfig>> {
     let mut config = TrainConfig::clone(config);
-    if config.model.head.judge == HeadJudge::Both && *zone != Zone::try_from(ZoneConfig::default())? {
+    if judges_by_another_zone(config.model.head.judge, zone)? {
         tell(
             "the labels are of another zone than the default one, by which model.head.judge = both judges: the network's class branch \
              decides alone (model.head.judge = network)",
@@ -190,10 +210,11 @@ pub fn run(args: TrainArgs) -> anyhow::Result<ExitStatus> {
         bound: args.max_memory.map(|gib| MemoryBound::new(gib * 1024.0)),
         after_validation: Some(&after_validation),
     };
-    let validation = match opened(Split::Val) {
-        Ok(split) if config.validate_every_epochs > 0 => Some(split),
-        Ok(_) | Err(DatasetError::EmptySplit { .. }) => None,
-        Err(error) => return Err(error.into()),
+    // A split that is not scored is not read either.
+    let validation = match (config.validate_every_epochs > 0).then(|| opened(Split::Val)) {
+        Some(Ok(split)) => Some(split),
+        None | Some(Err(DatasetError::EmptySplit { .. })) => None,
+        Some(Err(error)) => return Err(error.into()),
     };
     let data = TrainingData::new(learned.source(), validation.as_ref().map(Opened::source));
     let summary = train::run(data, &config, out, options, &devices, &Bar::default())?;

@@ -63,7 +63,7 @@ pub(super) fn import_drive(
     check_times(drive.times_ns(), &facts.path)?;
     let wheelbase_m = facts.wheelbase_m.unwrap_or(config.vehicle.wheelbase_m);
     odometry::check(&motion, drive.times_ns(), wheelbase_m, notes);
-    let chosen: Vec<usize> = (0..drive.times_ns().len()).step_by(config.every as usize).collect();
+    let chosen = choose_samples(&*drive, config.every as usize, notes);
     let mut methods = Methods::new();
     methods.extend(facts.methods.iter().map(|(part, sentence)| ((*part).to_owned(), sentence.clone())));
     let ground_z_m = find_ground(&*drive, &chosen, task, &mut methods, notes)?;
@@ -186,6 +186,18 @@ fn start(
         background: String::new(),
     };
     Ok(EpisodeWriter::create_log(&task.out.join(Task::file(name)), &meta, log, cameras, &facts.map)?)
+}
+
+/// Every so many samples; of a drive with annotations only those that have some are counted.
+fn choose_samples(drive: &dyn Drive, every: usize, notes: &mut Notes) -> Vec<usize> {
+    let n_samples = drive.times_ns().len();
+    let is_labelled = drive.facts().is_labelled;
+    let of_use: Vec<usize> = (0..n_samples).filter(|&idx| !is_labelled || drive.is_annotated(idx)).collect();
+    if of_use.len() < n_samples {
+        let n_out = n_samples - of_use.len();
+        notes.tell_share(n_out, n_samples, "samples have no annotations, in a drive that has some: left out");
+    }
+    of_use.into_iter().step_by(every).collect()
 }
 
 fn check_times(times_ns: &[u64], path: &Path) -> Result<(), ImportError> {

@@ -40,6 +40,11 @@ pub enum ImportError {
     OtherCloud { name: String, path: PathBuf },
     #[error("the log holds no drive: {}", path.display())]
     NoDrives { path: PathBuf },
+    #[error(
+        "the import kept no sample of its {n_drives} drives, and --skip-bad left out {n_skipped} parts; a sample needs a cloud that can be read, \
+         and annotations where its drive has some: {}", path.display()
+    )]
+    NoEpisodes { n_drives: usize, n_skipped: usize, path: PathBuf },
     #[error("the folder holds other things than an imported data set; give a new folder: {}", path.display())]
     ForeignFolder { path: PathBuf },
     #[error(

@@ -38,6 +38,11 @@ pub trait Drive {
     /// Times of the samples, each after the one before.
     fn times_ns(&self) -> &[u64];
 
+    /// Whether a sample of a drive with annotations has some, as far as this is known before its frame is read.
+    fn is_annotated(&self, _sample_idx: usize) -> bool {
+        true
+    }
+
     /// The log's own name of a sample (a token, a frame's number), where it has one.
     fn sample_name(&self, _sample_idx: usize) -> Option<String> {
         None

@@ -8,8 +8,9 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use super::Odometry;
 use crate::geometry::{Ego, Transform, World};
 
-/// Two neighbouring poses or values further apart than this are not joined: the log has a hole there.
-const MAX_GAP_NS: u64 = 1_000_000_000;
+/// Two neighbouring poses or values further apart than this are not joined: the log has a hole there. Poses of one a second come late at
+/// times.
+pub(super) const MAX_GAP_NS: u64 = 1_500_000_000;
 /// Times at which poses enter a parabola.
 const N_KNOTS: i64 = 21;
 
@@ -46,6 +47,14 @@ impl Motion<'_> {
             return (near_ns <= self.tolerance_ns).then(|| self.pose_beyond(time_ns));
         }
         is_covered.then(|| self.pose_beyond(time_ns))
+    }
+
+    /// The length of the hole in the poses around a time, if there is one.
+    pub(super) fn hole_ns(&self, time_ns: u64) -> Option<u64> {
+        let poses = &self.odometry.poses;
+        let after = poses.partition_point(|(at_ns, _)| *at_ns < time_ns);
+        let hole_ns = poses.get(after)?.0 - poses.get(after.checked_sub(1)?)?.0;
+        (hole_ns > MAX_GAP_NS).then_some(hole_ns)
     }
 
     /// As [`Self::pose_at`], carried on evenly from the nearest two poses wherever they end. There must be a pose.
@@ -212,11 +221,22 @@ mod tests {
         odometry.poses.drain(5..30);
         let motion = motion(&odometry);
         assert!(motion.pose_at(1_500_000_000).is_none() && motion.course_at(1_500_000_000).is_none());
+        assert_eq!(motion.hole_ns(1_500_000_000), Some(2_600_000_000));
+        assert_eq!((motion.hole_ns(200_000_000), motion.hole_ns(9_000_000_000)), (None, None));
         // At its edges, what is on this side of it tells the course.
         for time_ns in [200_000_000, 400_000_000, 440_000_000, 2_960_000_000, 3_000_000_000, 3_400_000_000] {
             let course = motion.course_at(time_ns).unwrap();
             assert!((course.speed_mps - 5.0).abs() < 0.1, "{time_ns}: {course:?}");
         }
+    }
+
+    #[test]
+    fn poses_of_one_a_second_are_joined_though_one_comes_late() {
+        let mut odometry = circle();
+        let kept_ns = [0, 1_000_000_000, 2_400_000_000, 4_000_000_000];
+        odometry.poses.retain(|(at_ns, _)| kept_ns.contains(at_ns));
+        let motion = motion(&odometry);
+        assert!(motion.pose_at(1_700_000_000).is_some() && motion.pose_at(3_200_000_000).is_none());
     }
 
     #[test]

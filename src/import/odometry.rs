@@ -13,12 +13,19 @@ const TURNING_RAD: f64 = 0.03;
 const N_TIMES: usize = 50;
 /// Fewer than this say nothing.
 const FEWEST: usize = 5;
+/// Below this the two sources of a yaw rate are not compared, radians per second.
+const TURNING_RPS: f64 = 0.05;
+/// A car moves along its x axis, ahead or back, within this.
+const MAX_HEADING_DEG: f64 = 30.0;
+/// The time in which a car's way tells where it goes.
+const STEP_NS: u64 = 200_000_000;
 /// Sources whose middle ratio lies within these are taken as the same: tyres slip, wheels wear.
 const SAME: std::ops::RangeInclusive<f64> = 0.8..=1.25;
 
 /// Tells jumps of the poses, and measurements of which the poses say something else.
 pub(super) fn check(motion: &Motion<'_>, times_ns: &[u64], wheelbase_m: f64, notes: &mut Notes) {
     tell_jumps(motion.odometry, notes);
+    tell_heading(motion, times_ns, notes);
     let step = times_ns.len().div_ceil(N_TIMES).max(1);
     let times = || times_ns.iter().step_by(step).copied();
     let courses = || times().filter_map(|time_ns| Some((time_ns, motion.course_at(time_ns)?)));
@@ -38,6 +45,50 @@ pub(super) fn check(motion: &Motion<'_>, times_ns: &[u64], wheelbase_m: f64, not
         };
         let hint = "is it positive to the left, of the road wheels and not of the steering wheel, and the wheelbase right?";
         tell(steering, "steering angle", hint, courses().filter_map(pair).collect(), notes);
+    }
+    if let Some(yaw_rate) = &motion.odometry.yaw_rate_rps {
+        let hint = "is it in rad/s, positive to the left, and does the sensor's z axis point up?";
+        tell(yaw_rate, "yaw rate", hint, yaw_rate_ratios(motion, times_ns), notes);
+    }
+}
+
+/// The measured yaw rate over that of the poses, in the middle; `None` where the car turns too seldom.
+pub(super) fn yaw_rate_ratio(motion: &Motion<'_>, times_ns: &[u64]) -> Option<f64> {
+    let mut ratios = yaw_rate_ratios(motion, times_ns);
+    ratios.sort_by(f64::total_cmp);
+    (ratios.len() >= FEWEST).then(|| ratios[ratios.len() / 2])
+}
+
+fn yaw_rate_ratios(motion: &Motion<'_>, times_ns: &[u64]) -> Vec<f64> {
+    let Some(yaw_rate) = &motion.odometry.yaw_rate_rps else { return Vec::new() };
+    let ratio = |time_ns: &u64| {
+        let of_poses_rps = motion.course_at(*time_ns)?.yaw_rate_rps;
+        let measured_rps = motion.value_at(&yaw_rate.values, *time_ns)?;
+        (of_poses_rps.abs() > TURNING_RPS).then_some(measured_rps / of_poses_rps)
+    };
+    times_ns.iter().step_by(times_ns.len().div_ceil(N_TIMES).max(1)).filter_map(ratio).collect()
+}
+
+/// Tells poses whose x axis is not the direction in which the car moves.
+fn tell_heading(motion: &Motion<'_>, times_ns: &[u64], notes: &mut Notes) {
+    let aside_deg = |time_ns: &u64| {
+        let (here, then) = (motion.pose_at(*time_ns)?, motion.pose_at(time_ns.saturating_add(STEP_NS))?);
+        let way_m = (here.inverse() * then).isometry.translation.vector;
+        let moves = way_m.x.hypot(way_m.y) > MOVING_MPS * STEP_NS as f64 * 1e-9;
+        moves.then(|| way_m.y.atan2(way_m.x).abs().to_degrees())
+    };
+    let step = times_ns.len().div_ceil(N_TIMES).max(1);
+    let mut angles_deg: Vec<f64> = times_ns.iter().step_by(step).filter_map(aside_deg).collect();
+    if angles_deg.len() < FEWEST {
+        return;
+    }
+    angles_deg.sort_by(f64::total_cmp);
+    let middle_deg = angles_deg[angles_deg.len() / 2];
+    if (MAX_HEADING_DEG..=180.0 - MAX_HEADING_DEG).contains(&middle_deg) {
+        notes.tell(format!(
+            "the car moves at {middle_deg:.0} degrees to the x axis of its poses; about 0 (or 180, backwards) would be right: is their \
+             orientation the car's own?"
+        ));
     }
 }
 
@@ -103,6 +154,37 @@ mod tests {
         let times: Vec<u64> = (0..100).map(time_ns).collect();
         check(&motion, &times, 2.7, &mut notes);
         notes.sentences().collect()
+    }
+
+    /// What is told of a circle to the left at 10 m/s and 0.5 rad/s, with poses that are turned and another measured yaw rate.
+    fn told_of_circle(turned_rad: f64, yaw_rate_rps: f64) -> Vec<String> {
+        let times: Vec<u64> = (0..100).map(|i| 1_000_000_000 + 100_000_000 * i).collect();
+        let place = |at_ns: &u64| {
+            let angle = 0.5 * (*at_ns as f64 * 1e-9 - 1.0);
+            let (x, y) = (20.0 * angle.sin(), 20.0 - 20.0 * angle.cos());
+            (*at_ns, Transform::from_xyz_yaw(x, y, 0.0, angle + turned_rad))
+        };
+        let values = times.iter().map(|at_ns| (*at_ns, yaw_rate_rps)).collect();
+        let odometry = Odometry {
+            poses: times.iter().map(place).collect(),
+            yaw_rate_rps: Some(Series { source: "measured".into(), values }),
+            ..Odometry::default()
+        };
+        let motion = Motion { odometry: &odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
+        let mut notes = Notes::default();
+        check(&motion, &times, 2.7, &mut notes);
+        notes.sentences().collect()
+    }
+
+    #[test]
+    fn a_yaw_rate_of_the_other_sign_and_a_heading_aside_are_told() {
+        assert!(told_of_circle(0.0, 0.5).is_empty());
+        // Backwards all the time.
+        assert!(told_of_circle(std::f64::consts::PI, 0.5).is_empty());
+        let turns = told_of_circle(0.0, -0.5);
+        assert!(turns.len() == 1 && turns[0].contains("yaw rate, measured, is -1.00 times"), "{turns:?}");
+        let aside = told_of_circle(1.5, 0.5);
+        assert!(aside.len() == 1 && aside[0].contains("moves at 83 degrees to the x axis"), "{aside:?}");
     }
 
     #[test]

@@ -82,7 +82,7 @@ pub fn run(
     if !options.skip_bad {
         list.find_incomplete(&drives)?;
     }
-    let n_kept = list.keep(&drives, options.split);
+    let (n_kept, n_drives) = (list.keep(&drives, options.split), drives.len());
     let (mut told, mut skipped) = (Vec::new(), Vec::new());
     let mut known = BTreeSet::new();
     let mut boxes = NearBoxes::default();
@@ -144,6 +144,10 @@ pub fn run(
     }
     progress.finish();
     list.write()?;
+    // Of an incomplete one, what is here stays.
+    if n_kept == 0 && n_made == 0 && list.incomplete.is_empty() {
+        return Err(ImportError::NoEpisodes { n_drives, n_skipped: skipped.len(), path: out.to_owned() });
+    }
     // Drives of single frames have too few boxes to tell by themselves.
     if let Some(sentence) = boxes.doubt() {
         tracing::warn!("{sentence}");

@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use super::cloud::CloudMaker;
 use super::config::CheckedImport;
 use super::intensity::Scale;
-use super::motion::{Motion, signed_s};
+use super::motion::{MAX_GAP_NS, Motion, signed_s};
 use super::objects::{look_at_cloud, truth_of};
 use super::pictures::{doubt, is_changed, view_of, virtual_view};
 use super::state::StateMaker;
@@ -179,6 +179,13 @@ impl<'a> SampleMaker<'a> {
             return Ok(Transform::from_isometry(Isometry3::identity()));
         }
         let Some(pose) = self.motion.pose_at(time_ns) else {
+            if let Some(hole_ns) = self.motion.hole_ns(time_ns) {
+                return Err(format!(
+                    "the poses have a hole of {:.3} s around the sample at {time_ns} ns; up to {:.1} s is bridged",
+                    hole_ns as f64 * 1e-9,
+                    MAX_GAP_NS as f64 * 1e-9
+                ));
+            }
             let nearest = self.motion.nearest_pose_ns(time_ns).unwrap_or_default();
             return Err(format!(
                 "no pose belongs to the sample at {time_ns} ns: the nearest is at {nearest} ns, and at most {} s between them is needed \
@@ -228,12 +235,12 @@ impl<'a> SampleMaker<'a> {
         self.boxes
     }
 
-    /// What was found out on the way.
-    /// Samples whose speed is assumed, in a drive where it is known of others.
+    /// Samples whose speed is assumed.
     pub(super) fn n_assumed(&self) -> usize {
         self.states.n_assumed
     }
 
+    /// What was found out on the way.
     pub(super) fn tell_methods(&self, methods: &mut BTreeMap<String, String>) {
         let facts = self.drive.facts();
         for (part, sentence) in &self.states.methods {

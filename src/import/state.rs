@@ -21,7 +21,7 @@ pub(super) struct StateMaker<'a> {
     pub(super) config: &'a CheckedImport,
     /// By part of the state, one sentence; the best method comes first where samples differ.
     pub(super) methods: BTreeMap<&'static str, String>,
-    /// Samples whose speed is assumed, in a drive where it is known of others.
+    /// Samples whose speed is assumed.
     pub(super) n_assumed: usize,
 }
 
@@ -47,8 +47,7 @@ impl<'a> StateMaker<'a> {
 
         let mut speed = self.measured(odometry.speed_mps.as_ref(), time_ns);
         speed = speed.or_else(|| course.map(|course| (course.speed_mps, from_poses.clone())));
-        let is_known = self.motion.has_poses() || odometry.speed_mps.is_some();
-        self.n_assumed += usize::from(speed.is_none() && is_known);
+        self.n_assumed += usize::from(speed.is_none());
         let speed_mps = self.take("speed", speed, || {
             (assumed.speed_mps, format!("unknown; assumed {} m/s", assumed.speed_mps))
         });
@@ -137,6 +136,12 @@ mod tests {
     use crate::import::{ImportConfig, Odometry};
 
     fn state(odometry: &Odometry, time_ns: u64) -> (EgoState, BTreeMap<&'static str, String>) {
+        let (state, maker_methods, _) = made(odometry, time_ns);
+        (state, maker_methods)
+    }
+
+    /// The state, its methods, and how many speeds were assumed.
+    fn made(odometry: &Odometry, time_ns: u64) -> (EgoState, BTreeMap<&'static str, String>, usize) {
         let motion = Motion { odometry, tolerance_ns: 50_000_000, smoothing_ns: 500_000_000 };
         let config = CheckedImport::new(ImportConfig::default()).unwrap();
         let methods = BTreeMap::new();
@@ -148,7 +153,8 @@ mod tests {
             methods,
             n_assumed: 0,
         };
-        (maker.state_at(time_ns), maker.methods)
+        let state = maker.state_at(time_ns);
+        (state, maker.methods, maker.n_assumed)
     }
 
     #[test]
@@ -156,6 +162,9 @@ mod tests {
         let (state, methods) = state(&Odometry::default(), 5);
         assert_eq!((state.speed_mps, state.steering_angle_rad, state.yaw_rate_rps), (8.0, 0.0, 0.0));
         assert_eq!(methods["speed"], "unknown; assumed 8 m/s");
+        assert_eq!(made(&Odometry::default(), 5).2, 1);
+        let speed_mps = Some(Series { source: "measured".into(), values: vec![(0, 3.0)] });
+        assert_eq!(made(&Odometry { speed_mps, ..Odometry::default() }, 5).2, 0);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
@@ -15,6 +16,9 @@ use crate::eval::json;
 use crate::files::{self, FolderLock, remove_unfinished};
 use crate::object::Detection;
 use crate::store;
+
+/// Where the predictions of a run's network lie in its folder, unless told otherwise.
+const OF_RUN: &str = "predictions";
 
 /// Why predictions could not be written.
 #[derive(Debug, Error)]
@@ -95,30 +99,60 @@ impl Predictions {
         Ok(json::write_predictions(&path, boxes)?)
     }
 
-    /// Deletes the predictions that are there, the list of all boxes first: boxes of two detectors are never one set.
+    /// Deletes the predictions that are there: boxes of two detectors are never one set.
     fn clear(&self, episodes: &[EpisodeEntry]) -> Result<(), PredictionsError> {
         fs::create_dir_all(&self.folder)?;
-        let mut old = Vec::new();
         let wanted: BTreeSet<&OsStr> = episodes.iter().map(|entry| OsStr::new(&entry.name)).collect();
-        for file in store::files_below(&self.folder)? {
-            let is_inside = file.components().count() > 1;
-            if is_inside || file.extension().is_none_or(|suffix| suffix != "mcap") {
+        let (old, others) = mcap_files(&self.folder)?;
+        let is_wanted = |path: &PathBuf| path.file_stem().is_some_and(|stem| wanted.contains(stem));
+        if let Some(path) = others.into_iter().find(is_wanted) {
+            return Err(PredictionsError::Foreign { path });
+        }
+        Ok(remove(&self.folder, &old)?)
+    }
+
+    /// Deletes the predictions that lie in the folder of a run, by its network; what else is there stays.
+    ///
+    /// # Errors
+    /// Another process writes there; a file cannot be deleted.
+    pub fn remove_of_run(run: &Path) -> io::Result<()> {
+        let home = run.join(OF_RUN);
+        if !files::is_dir(&home)? {
+            return Ok(());
+        }
+        for entry in fs::read_dir(&home)? {
+            let folder = entry?.path();
+            // A link leads to a folder of the user's.
+            if !files::is_dir(&folder)? || folder.is_symlink() {
                 continue;
             }
-            let path = self.folder.join(&file);
-            if is_detections_file(&path) {
-                old.push(path);
-            } else if file.file_stem().is_some_and(|stem| wanted.contains(stem)) {
-                return Err(PredictionsError::Foreign { path });
-            }
-        }
-        let lists = [Self::FILE, PredictionPart::FILE].map(|name| self.folder.join(name));
-        for path in lists.iter().chain(&old) {
-            files::remove_if_there(path)?;
-            store::discard(path);
+            let lock = FolderLock::take(&folder)?;
+            remove(&folder, &mcap_files(&folder)?.0)?;
+            drop(lock);
+            // It stays where anything else is in it.
+            let _ = fs::remove_dir(&folder);
         }
         Ok(())
     }
+}
+
+/// The MCAP files in a folder, and not in those below it: predictions, then all others.
+fn mcap_files(folder: &Path) -> io::Result<(Vec<PathBuf>, Vec<PathBuf>)> {
+    let is_mcap = |file: &PathBuf| {
+        file.components().count() == 1 && file.extension().is_some_and(|suffix| suffix == "mcap")
+    };
+    let files = store::files_below(folder)?.into_iter().filter(is_mcap);
+    Ok(files.map(|file| folder.join(file)).partition(|path| is_detections_file(path)))
+}
+
+/// Deletes the predictions of a folder, the lists of all boxes first.
+fn remove(folder: &Path, boxes: &[PathBuf]) -> io::Result<()> {
+    let lists = [Predictions::FILE, PredictionPart::FILE].map(|name| folder.join(name));
+    for path in lists.iter().chain(boxes) {
+        files::remove_if_there(path)?;
+        store::discard(path);
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -162,7 +196,7 @@ mod tests {
         fs::write(&note, "mine").unwrap();
         let part = folder.join(PredictionPart::FILE);
         fs::write(&part, "{}").unwrap();
-        let _lock = Predictions::take_folder(&folder, true).unwrap();
+        let lock = Predictions::take_folder(&folder, true).unwrap();
         let stop = |folder: &Path| {
             assert!(!folder.join(Predictions::FILE).exists(), "the list comes last");
             Err(std::io::Error::other("stop"))
@@ -174,5 +208,18 @@ mod tests {
         let error = of("b").write(&episodes, &samples, &found, &nothing).unwrap_err();
         assert!(matches!(error, PredictionsError::Foreign { .. }), "{error}");
         assert!(folder.join(Predictions::FILE).is_file(), "nothing is lost");
+        drop(lock);
+
+        let run = home.path().join("run");
+        let moved = run.join("predictions/boxes");
+        fs::create_dir_all(run.join("predictions")).unwrap();
+        fs::rename(&folder, &moved).unwrap();
+        let [mine, theirs] = [0, 1].map(|i| moved.join(format!("{}.mcap", episodes[i].name)));
+        assert!(theirs.is_file());
+        Predictions::remove_of_run(&run).unwrap();
+        assert!(mine.is_file() && !theirs.exists() && !moved.join(Predictions::FILE).exists());
+        fs::remove_file(&mine).unwrap();
+        Predictions::remove_of_run(&run).unwrap();
+        assert!(!moved.exists(), "nothing else is in it");
     }
 }

@@ -34,8 +34,8 @@ mod step_memory;
 pub use batch::Batch;
 pub use bev_backbone::BevBackbone;
 pub use camera::{
-    CameraBatch, CameraGeometry, CameraInput, ImageTooFlat, NetworkImage, PAINT_STRIDE, Recolour, Swin,
-    SwinCameraBatch, SwinCameraBranch, SwinCameraInput, n_paint_pixels,
+    CameraBatch, CameraGeometry, CameraInput, ImageTooFlat, NetworkImage, PAINT_STRIDE, PictureFit, Recolour,
+    Swin, SwinCameraBatch, SwinCameraBranch, SwinCameraInput, n_paint_pixels,
 };
 pub use config::{
     BevBackboneConfig, CameraBackbone, CameraConfig, Classes, CnnConfig, DepthLssConfig, DropsConfig,

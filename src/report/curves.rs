@@ -9,10 +9,10 @@ use thiserror::Error;
 
 use super::chart::{self, Axis, Chart, ChartError, Look, Series, Sheet, Tone};
 use crate::files::{FolderLock, write_atomic};
-use crate::history::{History, HistoryError, ScoreRow, StepRow};
+use crate::history::{CURVE_FILES, History, HistoryError, ScoreRow, StepRow};
 
 /// Names of the two files.
-pub const FILES: [&str; 2] = ["curves.svg", "curves.png"];
+pub const FILES: [&str; 2] = CURVE_FILES;
 
 /// Name of the lock, another than that of the run, which is drawn while its training writes there.
 const LOCK_FILE: &str = "curves.partial";
@@ -57,15 +57,18 @@ type Part<R, Value = f64> = (&'static str, fn(&R) -> Value, Tone);
 fn losses(history: &History) -> Chart {
     let steps = &history.steps;
     let window = (steps.len() / 100).max(1);
-    let parts: [Part<StepRow>; 4] = [
-        ("all", |row| row.heatmap + row.harm + row.boxes, Tone::Ink),
+    let parts: [Part<StepRow>; 5] = [
+        ("all", |row| row.heatmap + row.harm + row.boxes + row.picture, Tone::Ink),
         ("heatmap", |row| row.heatmap, Tone::Harmless),
         ("boxes", |row| row.boxes, Tone::Green),
         ("harm", |row| row.harm, Tone::Harmful),
+        ("picture", |row| row.picture, Tone::Amber),
     ];
     let mut series = Vec::new();
     for (name, of, tone) in parts {
-        let stages = smooth(steps, window, of);
+        let mut stages = smooth(steps, window, of);
+        // A part that a stage lacks, as `picture` without a camera and in older logs, has no place on a logarithmic axis.
+        stages.retain(|points| points.iter().any(|&(_, y)| y != 0.0));
         let last = stages.iter().flatten().last().map_or(0.0, |&(_, y)| y);
         for (i, points) in stages.into_iter().enumerate() {
             let name = if i == 0 { format!("{name} {last:.3}") } else { String::new() };
@@ -75,7 +78,7 @@ fn losses(history: &History) -> Chart {
     let values = series.iter().flat_map(|line| &line.points).map(|point| point.1);
     let ends = |(low, high): (f64, f64), y: f64| (low.min(y), high.max(y));
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), ends);
-    let low = low.max(1e-5);
+    let low = if series.is_empty() { 1e-5 } else { low.max(1e-5) };
     let y_name = if window == 1 { "loss".to_owned() } else { format!("loss, mean of {window} steps") };
     let y = Axis::log(&y_name, 0.8 * low, 1.25 * high.max(low));
     let title = "Losses, learning rate and AP on the validation split";
@@ -158,7 +161,7 @@ mod tests {
             heatmap: if n < 700 { 2.0 } else { 1.0 },
             harm: 0.5,
             boxes: 1.0 + (n % 2) as f64,
-            picture: 0.0,
+            picture: if n < 700 { 0.0 } else { 0.25 },
             gradient_norm: 1.0,
         };
         let score = |epoch: usize| ScoreRow {
@@ -190,6 +193,19 @@ mod tests {
         for name in ["harmful 0.900", "mAP 0.700", "fused stage", "learning rate", "steps", "heatmap 1.000"] {
             assert!(text.contains(name), "{name}");
         }
+        // The sum is that of all four parts: 1, 0.5, 1.5 and 0.25.
+        for name in ["picture 0.250", "all 3.250"] {
+            assert!(text.contains(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_part_that_was_never_learnt_has_no_line_and_leaves_the_axis_alone() {
+        let mut without = history();
+        without.steps.iter_mut().for_each(|row| row.picture = 0.0);
+        let chart = losses(&without);
+        assert!(chart.series.iter().all(|line| !line.name.starts_with("picture")));
+        assert!(chart.y.low > 0.1, "{}", chart.y.low);
     }
 
     #[test]

@@ -1,12 +1,16 @@
 //! The paper's figures (Tables II and III), and the names of the columns that stand beside them.
 
 use crate::eval::{ClassScores, Column, Confidence, Evaluation, Intervals, Mode};
+use crate::report::table::{Cell, ap};
 
 /// The classes and their mean, in the order of all figures here.
 pub const PARTS: [&str; 3] = ["harmful", "harmless", "mean"];
 /// The caveat beside the paper's figures.
 pub const YARDSTICK: &str =
     "The paper's figures come from another simulator: a yardstick, not the same work.";
+
+/// What the strict figures are.
+pub const STRICT: &str = "Strict: with neutral detections as false positives.";
 
 /// One AP by class, beside the paper's.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +48,27 @@ impl Line {
         Self { name, short, ours: parts(scores), intervals, paper, strict: [None; 3] }
     }
 
+    /// With the AP that counts every neutral detection as false, where that is known.
+    #[must_use]
+    pub fn with_strict(self, strict: Option<&ClassScores>) -> Self {
+        Self { strict: strict.map_or([None; 3], parts), ..self }
+    }
+
+    /// Ours, in a cell: what lies below it is the interval, if that is asked for, the strict figure and the paper's.
+    #[must_use]
+    pub fn cells(&self) -> Vec<Cell> {
+        let cell = |i: usize| {
+            let interval = self.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
+            let strict = self.strict[i].map(|strict| format!("strict {}", ap(strict)));
+            let paper = format!("paper {}", ap(self.paper[i]));
+            Cell {
+                text: ap(self.ours[i]),
+                below: interval.into_iter().chain(strict).chain([paper]).collect(),
+            }
+        };
+        std::iter::once(self.name.into()).chain((0..PARTS.len()).map(cell)).collect()
+    }
+
     /// The lines of a scoring: one in distribution, four out of it.
     #[must_use]
     pub fn of_evaluation(evaluation: &Evaluation) -> Vec<Self> {
@@ -55,8 +80,7 @@ impl Line {
         let line = |column: &Option<Column>| {
             let scores = metrics.columns.get(column.unwrap_or(Column::Total))?;
             let strict = metrics.strict.as_ref().and_then(|of| of.get(column.unwrap_or(Column::Total)));
-            let strict = strict.map_or([None; 3], parts);
-            Some(Self { strict, ..Self::new(*column, scores, confidence) })
+            Some(Self::new(*column, scores, confidence).with_strict(strict))
         };
         columns.iter().filter_map(line).collect()
     }

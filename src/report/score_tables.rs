@@ -1,9 +1,9 @@
 //! The tables of a scoring, which text files, the terminal and the page share.
 
 use super::missed;
-use super::paper::{Line, PARTS, YARDSTICK};
+use super::paper::{Line, PARTS, STRICT, YARDSTICK};
 use super::standing::Standing;
-use super::table::{Cell, NO_TRUTH, Table, ap, number, percent};
+use super::table::{Cell, NO_TRUTH, Table, number, percent};
 use crate::eval::safety::{MetricTable, MetricValue};
 use crate::eval::{
     Axis, Breakdown, Column, Evaluation, GroupScores, Metrics, MissingClass, Mode, NeutralCounts, TruthCounts,
@@ -105,17 +105,7 @@ fn cell(value: MetricValue) -> Cell {
 /// AP beside the paper's, for one scoring or for both.
 #[must_use]
 pub fn headline(evaluations: &[&Evaluation]) -> Table {
-    let cells = |line: &Line| -> Vec<Cell> {
-        let cell = |i: usize| {
-            let interval = line.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
-            let strict = line.strict[i].map(|strict| format!("strict {}", ap(strict)));
-            let paper = format!("paper {}", ap(line.paper[i]));
-            let below = interval.into_iter().chain(strict).chain([paper]).collect();
-            Cell { text: ap(line.ours[i]), below }
-        };
-        std::iter::once(line.name.into()).chain((0..PARTS.len()).map(cell)).collect()
-    };
-    let rows = evaluations.iter().flat_map(|of| Line::of_evaluation(of)).map(|line| cells(&line)).collect();
+    let rows = evaluations.iter().flat_map(|of| Line::of_evaluation(of)).map(|line| line.cells()).collect();
     let mut note = String::new();
     if let Some(evaluation) = evaluations.first() {
         let thresholds = evaluation.metrics.config.dist_thresholds_m.iter().map(f64::to_string);
@@ -132,7 +122,8 @@ pub fn headline(evaluations: &[&Evaluation]) -> Table {
         );
     }
     if evaluations.iter().any(|of| of.metrics.strict.is_some()) {
-        note += "Strict: with neutral detections as false positives. ";
+        note += STRICT;
+        note += " ";
     }
     note += YARDSTICK;
     for missing in evaluations.iter().filter_map(|of| tell_missing(of)) {

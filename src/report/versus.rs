@@ -12,16 +12,16 @@ type Show<'a> = &'a dyn Fn(f64) -> String;
 pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     let share = |of: f64| number(Some(100.0 * of), 1);
     let ap = |of: f64| number(Some(of), 3);
-    let of_lines: [(&str, &[VersusLine], Show<'_>); 4] = [
-        ("harmful events missed, %", &versus.missed, &share),
-        ("harmful events warned of in time, %", &versus.warned, &share),
-        ("AP, harmful", &versus.harmful, &ap),
-        ("AP, mean of both", &versus.mean, &ap),
+    let of_lines: [(&str, &str, &[VersusLine], Show<'_>); 4] = [
+        ("harmful events missed, %", "events", &versus.missed, &share),
+        ("harmful events warned of in time, %", "events", &versus.warned, &share),
+        ("AP, harmful", "truths", &versus.harmful, &ap),
+        ("AP, mean of both", "truths", &versus.mean, &ap),
     ];
     let mut tables: Vec<Table> = of_lines
         .into_iter()
-        .filter(|(_, lines, _)| !lines.is_empty())
-        .map(|(title, lines, show)| table(title, lines, names, show))
+        .filter(|(_, _, lines, _)| !lines.is_empty())
+        .map(|(title, counted, lines, show)| table([title, counted], lines, names, show))
         .collect();
     let how = "After the semicolon: the difference from the first. Of missed events less is better, of warned ones and AP more. In rows of \
                objects (near, small, few points) a detection counts only if it lies on such an object; false alarms on nothing count in no such row.";
@@ -47,12 +47,13 @@ pub fn tables(versus: &Versus, names: &[String]) -> Vec<Table> {
     tables
 }
 
-fn table(title: &str, lines: &[VersusLine], names: &[String], show: Show<'_>) -> Table {
+/// `head`: the table's title, and what its lines count.
+fn table(head: [&str; 2], lines: &[VersusLine], names: &[String], show: Show<'_>) -> Table {
     let row = |line: &VersusLine| {
         let cells = line.figures.iter().enumerate().map(|(i, figure)| cell(figure, i > 0, show));
         [line.name.as_str().into(), line.n_truths.to_string().into()].into_iter().chain(cells).collect()
     };
-    let head = [title, "truths"].into_iter().chain(names.iter().map(String::as_str));
+    let head = head.into_iter().chain(names.iter().map(String::as_str));
     Table::new(head, lines.iter().map(row).collect())
 }
 

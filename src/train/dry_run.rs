@@ -1,12 +1,12 @@
 //! A training run described before it starts: parameters, tensors, memory, steps.
 
-use std::borrow::Cow;
 use std::fmt;
 
 use burn::tensor::Device;
 use serde::Serialize;
 
 use super::config::TrainConfig;
+use super::data_check;
 use super::error::TrainError;
 use super::plan::STAGES;
 use super::step::n_abreast;
@@ -62,16 +62,26 @@ pub struct StageSteps {
 }
 
 impl DryRun {
-    /// Describes a run over a split; of what is on disk, it reads one episode.
+    /// Describes a run over a split; of what is on disk, it reads one episode. What would end the run before its first step,
+    /// ends this, too.
+    ///
+    /// # Errors
+    /// There are no training samples, the episode is broken, a picture does not fit the network, or the image weights do not.
+    pub fn of<'a>(source: impl Into<SampleSource<'a>>, config: &TrainConfig) -> Result<Self, TrainError> {
+        let source = source.into();
+        data_check::check(source, config)?;
+        if let Some(path) = &config.image_weights {
+            Detector::init(&config.model, config.seed, &Device::flex()).load_image_weights(path)?;
+        }
+        Self::unchecked(source, config)
+    }
+
+    /// As [`Self::of`], for a run that is still to be checked.
     ///
     /// # Errors
     /// There are no training samples, or the episode is broken.
-    pub fn of<'a>(source: impl Into<SampleSource<'a>>, config: &TrainConfig) -> Result<Self, TrainError> {
-        let source = source.into();
-        let first = match source {
-            SampleSource::InMemory(dataset) => Cow::Borrowed(dataset),
-            SampleSource::OnDisk(split) => Cow::Owned(split.read(&[0])?),
-        };
+    pub(super) fn unchecked(source: SampleSource<'_>, config: &TrainConfig) -> Result<Self, TrainError> {
+        let first = data_check::at_hand(source)?;
         let Some(first) = first.samples().first() else {
             return Err(TrainError::NoSamples { path: source.path().to_owned() });
         };

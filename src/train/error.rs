@@ -56,6 +56,11 @@ pub enum TrainError {
     Grown { peak_mib: f64, most_mib: f64 },
     #[error("sample {sample}: {source}")]
     Input { sample: String, source: InputError },
+    #[error(
+        "the pictures of samples {one} and {other} are {one_px} and {other_px} px high at the network's width, and a batch holds pictures of \
+         one height: give --set batch_size=1, or train on the data of one camera"
+    )]
+    PictureHeights { one: String, one_px: usize, other: String, other_px: usize },
     #[error("sample {sample}: {source}")]
     Label { sample: String, source: ZoneError },
     #[error(transparent)]

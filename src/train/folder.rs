@@ -13,7 +13,8 @@ use super::trained_on::MADE_WITH_FILE;
 use crate::config::to_toml;
 use crate::dataset::Fingerprint;
 use crate::files;
-use crate::history::{SCORES_FILE, STEPS_FILE};
+use crate::history::{CURVE_FILES, SCORES_FILE, STEPS_FILE};
+use crate::infer::Predictions;
 use crate::model::checkpoint::CHECKPOINT;
 
 /// Name of the resolved config in a run's folder.
@@ -67,14 +68,17 @@ pub fn open(
             && has_data
             && fs::read(out.join(DATA_FILE))? == data_text.as_bytes();
         if is_same && !options.force {
-            files::remove_unfinished(out)?;
+            remove_unfinished(out)?;
             return Ok(());
         }
         if !options.force {
             return Err(TrainError::OtherRun { path: out.to_owned() });
         }
+        // They would be taken for the new network's.
+        Predictions::remove_of_run(out)?;
         state::clear(out)?;
-        for name in [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, MADE_WITH_FILE, CONFIG_FILE, DATA_FILE] {
+        let own = [CHECKPOINT, STEPS_FILE, SCORES_FILE, TIME_FILE, MADE_WITH_FILE, CONFIG_FILE, DATA_FILE];
+        for name in own.into_iter().chain(CURVE_FILES) {
             files::remove_if_there(&out.join(name))?;
         }
     } else if fs::read_dir(out)?.any(|entry| {
@@ -87,8 +91,54 @@ pub fn open(
         return Err(TrainError::NotARun { path: out.to_owned() });
     }
     fs::create_dir_all(out)?;
-    files::remove_unfinished(out)?;
+    remove_unfinished(out)?;
     files::write_atomic(&out.join(DATA_FILE), data_text.as_bytes())?;
     files::write_atomic(&config_path, config_text.as_bytes())?;
     Ok(())
+}
+
+/// Deletes what a killed run left unfinished: files, and half states.
+fn remove_unfinished(out: &Path) -> std::io::Result<()> {
+    files::remove_unfinished(out)?;
+    files::remove_unfinished_folders(&state::folder(out))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn opened(out: &Path, seed: u64, force: bool) -> Result<(), TrainError> {
+        let data = Fingerprint { dataset_sha256: "data".into(), labels_sha256: "labels".into() };
+        let config = TrainConfig { seed, ..TrainConfig::default() };
+        open(&data, &config, out, TrainOptions { force, ..TrainOptions::default() })
+    }
+
+    #[test]
+    fn half_states_go_where_a_run_goes_on_and_whole_ones_stay() {
+        let home = tempfile::tempdir().unwrap();
+        opened(home.path(), 0, false).unwrap();
+        let [half, whole] = ["step-00000004.partial", "step-00000002"].map(|name| {
+            let folder = state::folder(home.path()).join(name);
+            fs::create_dir_all(&folder).unwrap();
+            fs::write(folder.join("model.safetensors"), "weights").unwrap();
+            folder
+        });
+        opened(home.path(), 0, false).unwrap();
+        assert!(!half.exists() && whole.join("model.safetensors").is_file());
+    }
+
+    #[test]
+    fn by_force_the_curves_and_the_boxes_of_the_old_network_go_and_what_is_yours_stays() {
+        let home = tempfile::tempdir().unwrap();
+        opened(home.path(), 0, false).unwrap();
+        let at = |name: &str| home.path().join(name);
+        fs::create_dir_all(at("predictions/id")).unwrap();
+        let old = ["curves.svg", "curves.png", "log.csv", "predictions/id/predictions.json"].map(at);
+        let yours = ["notes.txt", "predictions/id/notes.mcap", "predictions/mine.json"].map(at);
+        old.iter().chain(&yours).for_each(|file| fs::write(file, "text").unwrap());
+        assert!(matches!(opened(home.path(), 1, false), Err(TrainError::OtherRun { .. })));
+        assert!(old.iter().all(|file| file.exists()));
+        opened(home.path(), 1, true).unwrap();
+        assert!(old.iter().all(|file| !file.exists()) && yours.iter().all(|file| file.exists()));
+    }
 }

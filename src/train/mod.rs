@@ -7,6 +7,7 @@ mod cache;
 mod config;
 mod copies;
 mod cut_out;
+mod data_check;
 mod disturb;
 mod dry_run;
 mod epoch_table;

@@ -10,6 +10,7 @@ use burn::module::Module as _;
 use burn::tensor::Device;
 
 use super::config::{StageConfig, TrainConfig};
+use super::data_check::{self, idle_settings, is_any_annotated};
 use super::dry_run::DryRun;
 use super::epoch_table::EpochTable;
 use super::error::TrainError;
@@ -28,7 +29,7 @@ use crate::dataset::{SampleSource, SeenEpisodes};
 use crate::device::is_cpu;
 use crate::files::{FolderLock, check_room, is_file};
 use crate::history::{History, ScoreRow, StepRow};
-use crate::interrupt;
+use crate::interrupt::{self, SaveGuard};
 use crate::model::checkpoint::{self, CHECKPOINT};
 use crate::model::{Detector, ImageWeightsReport};
 use crate::progress::Progress;
@@ -92,14 +93,24 @@ pub fn run(
     let inference_device = &devices[0];
     if let Some(bound) = options.bound {
         // The tensors of a step take the memory of their device.
-        let step_bytes = if is_cpu(inference_device) { DryRun::of(learned, config)?.memory.total } else { 0 };
+        let step_bytes =
+            if is_cpu(inference_device) { DryRun::unchecked(learned, config)?.memory.total } else { 0 };
         bound.check_start(step_bytes)?;
     }
     let lock = FolderLock::take(out)?;
+    let final_path = out.join(CHECKPOINT);
+    let device = inference_device.clone().autodiff();
+    let is_finished = !options.force && is_file(&final_path)?;
+    if !is_finished {
+        check_before_steps(data, config, devices.len())?;
+    }
+    // Before the folder is touched: image weights that cannot be read leave nothing that refuses the mended command.
+    let begins_anew = !is_finished && (options.force || !state::is_any(out)?);
+    let begun =
+        if begins_anew && config.image_weights.is_some() { Some(begin(config, &device)?) } else { None };
     folder::open(learned.fingerprint(), config, out, options)?;
     let run_sha256 = folder::sha256(out)?;
     let plan = Plan::new(config, learned);
-    let final_path = out.join(CHECKPOINT);
     let summary = |n_steps_now, last_loss, loading| Summary {
         checkpoint: final_path.clone(),
         n_samples,
@@ -121,20 +132,20 @@ pub fn run(
     }
 
     let stopwatch = Stopwatch::start(out);
-    let device = inference_device.clone().autodiff();
     let mut image_weights = None;
     let saved = state::load_newest(out, &run_sha256, &plan, config, &device, inference_device)?;
+    let has_state = saved.is_some();
     let (mut position, mut learner, mut history) = if let Some(saved) = saved {
         saved
     } else {
-        let mut detector = Detector::init(&config.model, config.seed, &device);
-        if let Some(path) = &config.image_weights {
-            image_weights = Some(detector.load_image_weights(path)?);
-        }
+        let (detector, report) = match begun {
+            Some(begun) => begun,
+            None => begin(config, &device)?,
+        };
+        image_weights = report;
         (Position { stage: 0, step: 0 }, Learner::start(detector, config), History::read_until(out, 0)?)
     };
-    // A state is written while the one before it is there: weights, their average, and two moments of each.
-    check_room(out, 2 * 4 * 4 * learner.detector().num_params() as u64)?;
+    check_room(out, state::bytes_to_come(learner.detector().num_params(), has_state))?;
     let others = TrainedOn::note(out, devices)?;
     if !others.is_empty() {
         tracing::warn!(
@@ -144,6 +155,8 @@ pub fn run(
             out.join(MADE_WITH_FILE).display()
         );
     }
+    // A step and a validation may take longer than a process that was asked to end is given.
+    let _guard = SaveGuard::hold();
     let mut steps = Steps::new(&plan, learned, config, devices);
     steps.look_at_memory();
     let mut n_steps_now = 0;
@@ -254,4 +267,37 @@ pub fn run(
     checkpoint::save(&learner.result(), Some(&seen), &final_path)?;
     state::clear(out)?;
     Ok(Summary { image_weights, ..summary(n_steps_now, epoch_loss.mean(), steps.loading) })
+}
+
+/// Refuses data that would end the run at some later step, and warns of what it will leave idle or not learn.
+fn check_before_steps(
+    data: TrainingData<'_>,
+    config: &TrainConfig,
+    n_devices: usize,
+) -> Result<(), TrainError> {
+    data_check::check(data.learned, config)?;
+    for told in idle_settings(config, n_devices, data.validation.is_some()) {
+        tracing::warn!("{told}");
+    }
+    if let Some(validation) = data.validation
+        && !is_any_annotated(validation)?
+    {
+        tracing::warn!(
+            "nobody annotated the validation split: its scores stay unknown, and the training goes on without them"
+        );
+    }
+    Ok(())
+}
+
+/// A network before its first step, and what was loaded into its image backbone.
+fn begin(
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<(Detector, Option<ImageWeightsReport>), TrainError> {
+    let mut detector = Detector::init(&config.model, config.seed, device);
+    let report = match &config.image_weights {
+        Some(path) => Some(detector.load_image_weights(path)?),
+        None => None,
+    };
+    Ok((detector, report))
 }

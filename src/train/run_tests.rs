@@ -11,8 +11,8 @@ use fs_err as fs;
 use super::memory::MemoryBound;
 use super::plan::Position;
 use super::{
-    AugmentConfig, Learner, Pace, Plan, Schedule, StageConfig, Steps, StreamConfig, Summary, TrainConfig,
-    TrainError, TrainOptions, TrainingData, TrainingTime, run,
+    AugmentConfig, DryRun, Learner, Pace, Plan, Schedule, StageConfig, Steps, StreamConfig, Summary,
+    TrainConfig, TrainError, TrainOptions, TrainingData, TrainingTime, run,
 };
 use crate::config::Checked;
 use crate::dataset::{LabelledSplit, SampleSource, test_data};
@@ -259,6 +259,17 @@ fn a_broken_sample_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let message = train(&data, &config, folder.path()).unwrap_err().to_string();
     assert!(message.contains("made/1") && message.contains("steering_angle_rad"), "{message}");
+}
+
+#[test]
+fn image_weights_that_cannot_be_read_leave_no_folder_and_end_a_dry_run_too() {
+    let (folder, data) = (tempfile::tempdir().unwrap(), test_data::dataset(2));
+    let out = folder.path().join("run");
+    let [_, model] = ModelConfig::in_little();
+    let config = TrainConfig { model, image_weights: Some("absent.pth".into()), ..tiny() };
+    let told = [train(&data, &config, &out).unwrap_err(), DryRun::of(&data, &config).unwrap_err()];
+    assert!(told.iter().all(|error| matches!(error, TrainError::ImageWeights(_))), "{told:?}");
+    assert!(!out.exists());
 }
 
 #[test]

@@ -164,6 +164,22 @@ pub fn load_newest(
     Ok(Some((position, Learner::new(detector, average, optimizer, config), history)))
 }
 
+/// Whether a run has a state to go on from.
+///
+/// # Errors
+/// The states cannot be looked at.
+pub fn is_any(run: &Path) -> Result<bool, StateError> {
+    Ok(!list(run)?.is_empty())
+}
+
+/// Bytes of disk that the states of a run will take beside those that are there: a state (weights, their average, and two moments
+/// of each weight) is written while the one before it is there.
+#[must_use]
+pub fn bytes_to_come(n_parameters: usize, has_state: bool) -> u64 {
+    let n_states: u64 = if has_state { 1 } else { 2 };
+    n_states * 4 * 4 * n_parameters as u64
+}
+
 /// Removes all states of a finished run.
 ///
 /// # Errors
@@ -184,5 +200,10 @@ mod tests {
         fs::write(&file, "").unwrap();
         let told = list(&file).unwrap_err().to_string();
         assert!(told.contains(&folder(&file).display().to_string()), "{told}");
+    }
+
+    #[test]
+    fn a_run_that_goes_on_needs_room_for_one_state_more_and_a_new_one_for_two() {
+        assert_eq!([false, true].map(|has_state| bytes_to_come(10, has_state)), [320, 160]);
     }
 }

@@ -64,7 +64,7 @@ impl<'a> Steps<'a> {
         let source = source.into();
         Self {
             stage_lengths: plan.n_steps,
-            windows: Windows::new(plan, source),
+            windows: Windows::new(plan, source).taken_by(config),
             shown: Vec::new(),
             zone: source.zone(),
             config,
@@ -111,7 +111,9 @@ impl<'a> Steps<'a> {
         let augmented = (batches.par_iter().enumerate())
             .map(|(batch_idx, &chosen)| {
                 let first_draw = (position.step * config.accumulate + batch_idx) * config.batch_size;
-                Ok(Augmented { chosen, first_draw, samples: self.prepare(chosen, position, first_draw)? })
+                let samples = self.prepare(chosen, position, first_draw)?;
+                check_heights(chosen, &samples)?;
+                Ok(Augmented { chosen, first_draw, samples })
             })
             .collect::<Result<Vec<_>, TrainError>>()?;
         let mut loading = started.elapsed();
@@ -324,6 +326,19 @@ struct PreparedSample {
     ignored: IgnoredGround,
     /// Where the picture shows objects, if the network is asked.
     picture: Option<Vec<f32>>,
+}
+
+/// Refuses a batch of pictures of two heights, which no tensor holds.
+fn check_heights(chosen: &[Shown], samples: &[PreparedSample]) -> Result<(), TrainError> {
+    let id = |i: usize| chosen[i].sample().id.clone();
+    let height_px = |i: usize| samples[i].input.image_height_px();
+    match (1..samples.len()).find(|&i| height_px(i) != height_px(0)) {
+        Some(i) => {
+            let (one_px, other_px) = (height_px(0), height_px(i));
+            Err(TrainError::PictureHeights { one: id(0), one_px, other: id(i), other_px })
+        }
+        None => Ok(()),
+    }
 }
 
 /// The error of a loss or a gradient that is not finite.

@@ -21,7 +21,8 @@ pub enum ValidationError {
 }
 
 /// Scores a detector in inference mode on a split with the default protocol; without the camera until the
-/// camera is trained. Of what is on disk, points and pictures are in memory a part at a time.
+/// camera is trained. Of what is on disk, points and pictures are in memory a part at a time. A split that nobody annotated has
+/// no score, which is no reason to stop a training.
 ///
 /// # Errors
 /// A sample is broken, or its boxes cannot be scored.
@@ -42,5 +43,26 @@ pub fn validate(
     let config = EvalConfig::default();
     let protocol = EvalConfig { max_boxes: config.max_boxes.max(most), ..config };
     let protocol = Protocol::try_from(protocol).expect("the defaults are valid with any number of boxes");
-    Ok(score(&scored, &protocol, Mode::Id)?.columns.total)
+    match score(&scored, &protocol, Mode::Id) {
+        Ok(metrics) => Ok(metrics.columns.total),
+        Err(ScoreError::NothingLabelled { .. }) => Ok(ClassScores::new(None, None)),
+        Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{Dataset, test_data};
+    use crate::model::ModelConfig;
+
+    #[test]
+    fn a_split_that_nobody_annotated_has_no_score_and_ends_nothing() {
+        let (mut data, device) = (test_data::dataset(2), Device::flex());
+        let detector = Detector::init(&ModelConfig::in_little()[0], 0, &device);
+        let scores = |data: &Dataset| validate(&detector, data.into(), &device, true).unwrap();
+        assert!(scores(&data).mean.is_some());
+        (0..2).for_each(|i| data.sample_mut(i).facts.is_unlabelled = true);
+        assert_eq!(scores(&data), ClassScores::new(None, None));
+    }
 }

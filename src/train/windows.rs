@@ -6,6 +6,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::config::TrainConfig;
+use super::data_check::check_pictures;
 use super::error::TrainError;
 use super::plan::{Epoch, EpochWindows, Plan, Position};
 use crate::dataset::{Dataset, LabelledSample, PartAhead, SampleSource};
@@ -67,17 +69,32 @@ pub struct Windows<'a> {
     held: Vec<Window<'a>>,
     /// The parts of the window that a thread is reading.
     ahead: Option<(Vec<usize>, PartAhead)>,
+    /// The run whose network must be able to take what is read; `None` if nobody asks.
+    taken_by: Option<&'a TrainConfig>,
 }
 
 impl<'a> Windows<'a> {
     pub fn new(plan: &'a Plan, source: impl Into<SampleSource<'a>>) -> Self {
-        Self { plan, source: source.into(), epochs: VecDeque::new(), held: Vec::new(), ahead: None }
+        Self {
+            plan,
+            source: source.into(),
+            epochs: VecDeque::new(),
+            held: Vec::new(),
+            ahead: None,
+            taken_by: None,
+        }
+    }
+
+    /// The same, which refuses a window with pictures that the network of this run cannot take.
+    #[must_use]
+    pub fn taken_by(self, config: &'a TrainConfig) -> Self {
+        Self { taken_by: Some(config), ..self }
     }
 
     /// The samples of a step. Windows that it does not show are dropped, unless somebody still holds a sample of theirs.
     ///
     /// # Errors
-    /// An episode is broken, is not the manifest's, or nobody annotated it.
+    /// An episode is broken, is not the manifest's, or nobody annotated it; its pictures do not fit the network.
     pub fn step(&mut self, position: Position) -> Result<Vec<Shown<'a>>, TrainError> {
         let windows = self.epoch(self.plan.epoch(position));
         let places = self.plan.places(position);
@@ -140,7 +157,11 @@ impl<'a> Windows<'a> {
                     Some((_, ahead)) => ahead.wait()?,
                     None => split.read(parts)?,
                 };
-                Cow::Owned(read.to_learn_from()?)
+                let read = read.to_learn_from()?;
+                if let Some(config) = self.taken_by {
+                    check_pictures(read.samples(), config)?;
+                }
+                Cow::Owned(read)
             }
         };
         let is_harmful =

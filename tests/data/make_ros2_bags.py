@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 from ros2_bag import Bag, add_motion, add_status, sample_of
 from ros2_damage import damaged
+from ros2_misleading import misleading
 from ros2_world import (
     BASE_FROM_CAMERA_BODY,
     BASE_FROM_LIDAR,
@@ -238,6 +239,9 @@ def main():
     parser.add_argument("out", type=Path)
     parser.add_argument("--kitti", type=Path, help="KITTI's folder `training`: make a bag of it instead")
     parser.add_argument("--damaged", action="store_true", help="make the damaged bags instead")
+    parser.add_argument(
+        "--misleading", action="store_true", help="make the bags that mislead a guess instead"
+    )
     args = parser.parse_args()
     if args.kitti:
         kitti(args.kitti, args.out)
@@ -245,6 +249,9 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     if args.damaged:
         damaged(args.out)
+        return
+    if args.misleading:
+        misleading(args.out)
         return
     for name, made in [("plain", plain(args.out)), ("odd", odd(args.out))]:
         (args.out / f"{name}.json").write_text(json.dumps(made) + "\n")

@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod boxes;
+mod guesses;
 mod poses;
 
 use std::path::{Path, PathBuf};

@@ -196,6 +196,10 @@ impl Drive for SensorLog {
         &self.odometry
     }
 
+    fn is_annotated(&self, sample_idx: usize) -> bool {
+        self.annotated.as_ref().is_none_or(|annotated| annotated.contains_key(&self.times_ns[sample_idx]))
+    }
+
     fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let time_ns = self.times_ns[sample_idx];
         let points = read_sweep(&self.cloud_path(sample_idx), self.mount_m)?;

@@ -10,6 +10,7 @@ use std::rc::Rc;
 
 use super::cdr::{self, CdrError, Value};
 use super::container;
+use super::message::frame_name;
 use super::schema::{MessageType, short_name};
 use crate::episode::{EpisodeError, ForeignFile, ForeignMessage, ForeignTopic, MessagePlace, tell_damage};
 use crate::import::ImportError;
@@ -23,6 +24,8 @@ pub struct Bag {
     files: Vec<ForeignFile>,
     topics: BTreeMap<String, BagTopic>,
     recent: RefCell<Vec<(ChunkKey, Rc<Vec<ForeignMessage>>)>>,
+    /// By topic, once asked for.
+    places: RefCell<BTreeMap<String, Rc<Vec<Place>>>>,
 }
 
 /// File, chunk and channel.
@@ -101,6 +104,7 @@ impl Bag {
             files: Vec::new(),
             topics: BTreeMap::new(),
             recent: RefCell::new(Vec::new()),
+            places: RefCell::new(BTreeMap::new()),
         };
         for path in container::mcap_files(path)? {
             let file = ForeignFile::open(&path).map_err(|error| tell_file(error, &path))?;
@@ -145,6 +149,11 @@ impl Bag {
         self.topics.values()
     }
 
+    /// Topics with messages of known fields.
+    pub fn readable(&self) -> impl Iterator<Item = &BagTopic> {
+        self.topics().filter(|topic| topic.n_messages > 0 && topic.message_type().is_ok())
+    }
+
     /// The topic of a name that a mapping's key gives.
     ///
     /// # Errors
@@ -161,7 +170,10 @@ impl Bag {
     ///
     /// # Errors
     /// A file or its index is damaged.
-    pub fn places(&self, topic: &BagTopic) -> Result<Vec<Place>, ImportError> {
+    pub fn places(&self, topic: &BagTopic) -> Result<Rc<Vec<Place>>, ImportError> {
+        if let Some(known) = self.places.borrow().get(&topic.name) {
+            return Ok(Rc::clone(known));
+        }
         let mut places = Vec::new();
         for &(file_idx, channel_id) in &topic.channels {
             let file = &self.files[file_idx];
@@ -174,7 +186,20 @@ impl Bag {
             }));
         }
         places.sort_unstable();
+        let places = Rc::new(places);
+        self.places.borrow_mut().insert(topic.name.clone(), Rc::clone(&places));
         Ok(places)
+    }
+
+    /// The frame of a topic's first message; `None` where its messages have no header.
+    ///
+    /// # Errors
+    /// The file is damaged, or the message is not valid.
+    pub fn first_frame(&self, topic: &BagTopic) -> Result<Option<String>, ImportError> {
+        let Some(&first) = self.places(topic)?.first() else { return Ok(None) };
+        self.read(topic, first, |value| {
+            Ok(value.text("header.frame_id").ok().map(|frame| frame_name(frame).to_owned()))
+        })
     }
 
     /// Reads and decodes the message at a place.

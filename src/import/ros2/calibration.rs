@@ -4,10 +4,15 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use super::cdr::{CdrError, Value};
 use super::mapping::{CameraAxes, CameraMapping, Rectified};
+use super::words::has_word;
 use crate::import::Distortion;
 
 /// How far a rotation may be from one, as the largest element of `R * R^T - 1`.
 const ROTATION_ERROR: f64 = 1e-3;
+/// Words of the topics of rectified pictures.
+const RECTIFIED_WORDS: [&str; 3] = ["rect", "rectified", "rectify"];
+/// Names of the model that bends a picture even where all of its coefficients are zero.
+const FISHEYES: [&str; 3] = ["equidistant", "fisheye", "kannala_brandt"];
 
 /// What is known of a camera.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,6 +24,8 @@ pub struct CameraCalibration {
     pub rectified_from_camera: UnitQuaternion<f64>,
     /// A sentence.
     pub source: String,
+    /// A sentence on what may not be right.
+    pub doubt: Option<String>,
 }
 
 impl CameraMapping {
@@ -26,7 +33,7 @@ impl CameraMapping {
     #[must_use]
     pub fn is_rectified(&self) -> bool {
         match self.rectified {
-            Rectified::Auto => self.topic.to_lowercase().contains("rect"),
+            Rectified::Auto => has_word(&self.topic, &RECTIFIED_WORDS),
             Rectified::Yes => true,
             Rectified::No => false,
         }
@@ -71,7 +78,8 @@ impl CameraCalibration {
             let source = "K and D of the camera info".to_owned();
             let rectified_from_camera = UnitQuaternion::identity();
             let (k, distortion) = (checked_k(&k)?, distortion_of(model, &d)?);
-            return Ok(Self { k, distortion, size_px, rectified_from_camera, source });
+            let doubt = doubt_of(model, &d);
+            return Ok(Self { k, distortion, size_px, rectified_from_camera, source, doubt });
         }
         let of_p: Vec<f64> = [0, 1, 2, 4, 5, 6, 8, 9, 10].iter().map(|&i| p[i]).collect();
         let has_p = of_p.iter().any(|&number| number != 0.0);
@@ -84,6 +92,7 @@ impl CameraCalibration {
                 "{} of the camera info, for pictures that are rectified",
                 if has_p { "P" } else { "K" }
             ),
+            doubt: None,
         })
     }
 
@@ -103,6 +112,7 @@ impl CameraCalibration {
             size_px: None,
             rectified_from_camera: UnitQuaternion::identity(),
             source: "camera.k and camera.d of the mapping".into(),
+            doubt: doubt_of(&mapping.distortion_model, &mapping.d).filter(|_| !mapping.is_rectified()),
         })
     }
 }
@@ -129,6 +139,17 @@ fn checked_k(k: &[f64]) -> Result<[f64; 9], String> {
     Ok(k)
 }
 
+/// A driver that knows no coefficients may name the model of its lens all the same.
+fn doubt_of(model: &str, d: &[f64]) -> Option<String> {
+    let is_unknown = FISHEYES.contains(&model) && d.iter().all(|&number| number == 0.0);
+    is_unknown.then(|| {
+        format!(
+            "the camera's distortion is `{model}` with coefficients that are all zero; the picture is taken as a pinhole camera's: is \
+             the lens calibrated?"
+        )
+    })
+}
+
 fn distortion_of(model: &str, d: &[f64]) -> Result<Distortion, String> {
     if d.iter().all(|&number| number == 0.0) {
         return Ok(Distortion::None);
@@ -146,7 +167,7 @@ fn distortion_of(model: &str, d: &[f64]) -> Result<Distortion, String> {
         "rational_polynomial" if rest_is_zero(8) => {
             Ok(Distortion::Rational(first(8).try_into().expect(fixed)))
         }
-        "equidistant" | "fisheye" | "kannala_brandt" if rest_is_zero(4) => {
+        _ if FISHEYES.contains(&model) && rest_is_zero(4) => {
             Ok(Distortion::Fisheye(first(4).try_into().expect(fixed)))
         }
         "plumb_bob" | "rational_polynomial" | "equidistant" => Err(format!(
@@ -227,6 +248,20 @@ mod tests {
         assert!((forward - Vector3::x()).norm() < 1e-12);
         let (same, told) = optical_axes(optical, CameraAxes::Auto, "camera_optical").unwrap();
         assert!(told.is_none() && same == optical);
+    }
+
+    #[test]
+    fn pictures_are_rectified_where_a_word_of_their_topic_says_so() {
+        let is_rectified =
+            |topic: &str| CameraMapping { topic: topic.into(), ..CameraMapping::default() }.is_rectified();
+        assert!(is_rectified("/cam/image_rect_color/compressed") && is_rectified("/cam/rectified/image"));
+        assert!(!is_rectified("/cam/image_unrect") && !is_rectified("/direct/image_raw"));
+    }
+
+    #[test]
+    fn a_fisheye_without_coefficients_is_doubted() {
+        assert!(doubt_of("equidistant", &[0.0; 4]).unwrap().contains("`equidistant`"));
+        assert!(doubt_of("equidistant", &[0.1]).is_none() && doubt_of("plumb_bob", &[0.0; 5]).is_none());
     }
 
     #[test]

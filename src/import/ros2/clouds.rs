@@ -11,6 +11,8 @@ use super::schema::NumberType;
 use crate::import::RawPoint;
 
 const INTENSITY_NAMES: [&str; 4] = ["intensity", "intensities", "reflectivity", "i"];
+/// Where a cloud has both, as Ouster's do, the first counts photons and falls with the range.
+const SIGNAL_AND_REFLECTIVITY: [&str; 2] = ["intensity", "reflectivity"];
 const RING_NAMES: [&str; 5] = ["ring", "channel", "line", "laser_id", "laser_number"];
 const TIME_NAMES: [&str; 7] =
     ["t", "time", "timestamp", "time_stamp", "offset_time", "point_time_offset", "time_offset"];
@@ -31,6 +33,8 @@ pub struct Cloud<'a> {
     data: Numbers<'a>,
     xyz: [Field; 3],
     intensity: Option<Field>,
+    /// Whether the reflectivity was preferred to an intensity that is there too.
+    has_signal: bool,
     ring: Option<Field>,
     time: Option<Field>,
 }
@@ -137,6 +141,10 @@ impl<'a> Cloud<'a> {
             "auto" => Ok(known.iter().find_map(|name| named(name))),
             name => needed(name).map(Some),
         };
+        let has_signal = mapping.intensity_field == "auto"
+            && SIGNAL_AND_REFLECTIVITY.iter().all(|name| named(name).is_some());
+        let intensity_field =
+            if has_signal { SIGNAL_AND_REFLECTIVITY[1] } else { mapping.intensity_field.as_str() };
         let [width, height, point_step, row_step] =
             message.numbers_at("", ["width", "height", "point_step", "row_step"]).map_err(tell)?;
         let cloud = Self {
@@ -147,7 +155,8 @@ impl<'a> Cloud<'a> {
             is_big_endian: message.number("is_bigendian").map_err(tell)? != 0.0,
             data: message.numbers("data").map_err(tell)?,
             xyz: [needed("x")?, needed("y")?, needed("z")?],
-            intensity: chosen(&mapping.intensity_field, &INTENSITY_NAMES)?,
+            intensity: chosen(intensity_field, &INTENSITY_NAMES)?,
+            has_signal,
             ring: chosen(&mapping.ring_field, &RING_NAMES)?,
             time: chosen(&mapping.time_field, &TIME_NAMES)?,
         };
@@ -208,13 +217,21 @@ impl<'a> Cloud<'a> {
         self.xyz.map(|field| self.read(field, record))
     }
 
+    /// The bytes of the points that are returns: others have stamps of no meaning.
+    fn returns(&self) -> impl Iterator<Item = &'a [u8]> + '_ {
+        self.records().filter(move |record| {
+            let position = self.position(record);
+            position.iter().all(|part| part.is_finite()) && position != [0.0; 3]
+        })
+    }
+
     /// The points in the order of the message; `stamp_ns` is the sample's time.
     #[must_use]
     pub fn points(&self, habits: &CloudHabits, stamp_ns: u64) -> Vec<RawPoint> {
         let time = self.time.zip(habits.time);
         let earliest = match time {
             Some((field, TimeHabit { origin: TimeOrigin::Unknown, .. })) => {
-                self.records().map(|record| self.read(field, record)).fold(f64::INFINITY, f64::min)
+                self.returns().map(|record| self.read(field, record)).fold(f64::INFINITY, f64::min)
             }
             _ => 0.0,
         };
@@ -245,7 +262,7 @@ impl<'a> Cloud<'a> {
             .collect()
     }
 
-    /// How this cloud counts times and rings, and what is to be told of it. `base_from_lidar` turns the beams upright.
+    /// How this cloud counts times and rings, and what is to be told of it. `base_from_lidar` tells which way is up.
     #[must_use]
     pub fn habits(
         &self,
@@ -256,6 +273,12 @@ impl<'a> Cloud<'a> {
         let mut told = Vec::new();
         let time = self.time.and_then(|field| self.time_habit(field, mapping.time_unit, stamp_ns, &mut told));
         let rings = self.ring.and_then(|field| self.ring_habit(field, base_from_lidar, &mut told));
+        if self.has_signal {
+            let [signal, taken] = SIGNAL_AND_REFLECTIVITY;
+            told.push(format!(
+                "the cloud has the fields `{signal}` and `{taken}`; `{taken}` is taken (lidar.intensity_field)"
+            ));
+        }
         if self.intensity.is_none() {
             told.push("the cloud has no intensity; 0 stands for all".into());
         }
@@ -269,7 +292,7 @@ impl<'a> Cloud<'a> {
         stamp_ns: u64,
         told: &mut Vec<String>,
     ) -> Option<TimeHabit> {
-        let times = self.records().map(|record| self.read(field, record)).filter(|time| time.is_finite());
+        let times = self.returns().map(|record| self.read(field, record)).filter(|time| time.is_finite());
         let (first, last) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), time| {
             (first.min(time), last.max(time))
         });
@@ -314,19 +337,19 @@ impl<'a> Cloud<'a> {
         Some(TimeHabit { unit_s, origin })
     }
 
-    /// Rings must rise or fall with the elevation of their beams.
+    /// Rings must rise or fall with the elevation of their beams, in the LiDAR's frame, which may be tilted or hang upside down.
     fn ring_habit(
         &self,
         field: Field,
         base_from_lidar: UnitQuaternion<f64>,
         told: &mut Vec<String>,
     ) -> Option<RingHabit> {
+        let up = (base_from_lidar * Vector3::z()).z.signum();
         let (mut n, mut sums, mut last_ring) = (0.0, [0.0; 5], 0);
         for record in self.records() {
             let [x, y, z] = self.position(record);
-            let up = base_from_lidar * Vector3::new(x, y, z);
-            let (elevation, ring) = (up.z.atan2(up.x.hypot(up.y)), self.read(field, record));
-            if !elevation.is_finite() || !ring.is_finite() || up.norm() < 0.5 {
+            let (elevation, ring) = (up * z.atan2(x.hypot(y)), self.read(field, record));
+            if !elevation.is_finite() || !ring.is_finite() || Vector3::new(x, y, z).norm() < 0.5 {
                 continue;
             }
             last_ring = last_ring.max(ring as u16);

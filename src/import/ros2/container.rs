@@ -1,10 +1,13 @@
 //! Which files a bag consists of, and what other containers there are, with the tool that converts each.
+//!
+//! Files of a folder without `metadata.yaml` are one bag where each goes on where the one before ended, else a bag each.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use fs_err as fs;
 
+use crate::episode::{EpisodeError, ForeignFile};
 use crate::files;
 use crate::files::inside;
 use crate::import::ImportError;
@@ -13,6 +16,11 @@ const MCAP_MAGIC: &[u8] = b"\x89MCAP";
 const ROS1_MAGIC: &[u8] = b"#ROSBAG";
 const SQLITE_MAGIC: &[u8] = b"SQLite format 3";
 const ZSTD_MAGIC: &[u8] = b"\x28\xb5\x2f\xfd";
+
+/// Files of one recording go on where the one before ended, up to this.
+const MOST_APART_NS: u64 = 2_000_000_000;
+/// A file's span is that of its topics with the most messages.
+const TOPICS_LOOKED_AT: usize = 4;
 
 /// What stands in `metadata.yaml`, as far as a reader of MCAP files needs it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -82,23 +90,64 @@ pub(super) fn mcap_files(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
 /// The bags under a path: itself, or where it is a folder of bags, each of them.
 ///
 /// # Errors
-/// The folder cannot be read.
+/// The folder or a file's index cannot be read.
 pub(super) fn bags_under(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let is_bag = |folder: &Path| -> Result<bool, ImportError> {
-        Ok(files::is_there(&folder.join("metadata.yaml"))? || !files_ending_in(folder, "mcap")?.is_empty())
-    };
-    if !files::is_dir(path)? || is_bag(path)? {
+    if !files::is_dir(path)? {
         return Ok(vec![path.to_owned()]);
+    }
+    let own = bags_in(path)?;
+    if !own.is_empty() {
+        return Ok(own);
     }
     let mut bags = Vec::new();
     for entry in fs::read_dir(path)? {
         let folder = entry?.path();
-        if files::is_dir(&folder)? && is_bag(&folder)? {
-            bags.push(folder);
+        if files::is_dir(&folder)? {
+            bags.extend(bags_in(&folder)?);
         }
     }
     bags.sort();
     Ok(if bags.is_empty() { vec![path.to_owned()] } else { bags })
+}
+
+/// The bags that a folder's own files are: the folder, or without metadata each of its files; none where it has none.
+fn bags_in(folder: &Path) -> Result<Vec<PathBuf>, ImportError> {
+    if files::is_there(&folder.join("metadata.yaml"))? {
+        return Ok(vec![folder.to_owned()]);
+    }
+    let files = files_ending_in(folder, "mcap")?;
+    let is_one = files.len() <= 1 || is_one_recording(&files)?;
+    Ok(if is_one && !files.is_empty() { vec![folder.to_owned()] } else { files })
+}
+
+/// Whether each file begins about when the one before it ended. Files without a span, empty or damaged, do not count here.
+fn is_one_recording(files: &[PathBuf]) -> Result<bool, ImportError> {
+    let mut spans = Vec::new();
+    for file in files {
+        match span_ns(file) {
+            Err(EpisodeError::Io(error)) => return Err(error.into()),
+            // What is wrong is told when the bag is opened.
+            Err(_) => {}
+            Ok(span) => spans.extend(span),
+        }
+    }
+    spans.sort_unstable();
+    Ok(spans.windows(2).all(|pair| pair[1].0.abs_diff(pair[0].1) <= MOST_APART_NS))
+}
+
+/// The first and last log time of a file.
+fn span_ns(path: &Path) -> Result<Option<(u64, u64)>, EpisodeError> {
+    let file = ForeignFile::open(path)?;
+    let mut topics: Vec<_> = file.topics().iter().collect();
+    topics.sort_by_key(|topic| std::cmp::Reverse(topic.n_messages));
+    let (mut first_ns, mut last_ns) = (u64::MAX, 0);
+    for topic in topics.into_iter().take(TOPICS_LOOKED_AT) {
+        for place in file.places(topic.channel_id)? {
+            first_ns = first_ns.min(place.log_time_ns);
+            last_ns = last_ns.max(place.log_time_ns);
+        }
+    }
+    Ok((first_ns <= last_ns).then_some((first_ns, last_ns)))
 }
 
 fn files_ending_in(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, ImportError> {
@@ -109,7 +158,13 @@ fn files_ending_in(folder: &Path, extension: &str) -> Result<Vec<PathBuf>, Impor
             files.push(path);
         }
     }
-    files.sort();
+    // `drive_10` comes after `drive_9`.
+    files.sort_by_key(|path| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = stem.trim_end_matches(|c: char| c.is_ascii_digit()).to_owned();
+        let number: u64 = stem[name.len()..].parse().unwrap_or(0);
+        (name, number, stem)
+    });
     Ok(files)
 }
 
@@ -184,6 +239,46 @@ mod tests {
         assert_eq!(metadata.files, ["drive_0.mcap", "drive_1.mcap"]);
         assert_eq!((metadata.storage.as_str(), metadata.compression_mode.as_str()), ("mcap", ""));
         assert_eq!(BagMetadata::parse("relative_file_paths: [a.mcap, 'b.mcap']").files, ["a.mcap", "b.mcap"]);
+    }
+
+    /// A file of messages at these times, seconds.
+    fn write_mcap(path: &Path, times_s: [u64; 2]) {
+        let mut writer = mcap::WriteOptions::new().create(fs::File::create(path).unwrap()).unwrap();
+        let schema = writer.add_schema("car_msgs/msg/State", "ros2msg", b"float64 speed\n").unwrap();
+        let metadata = std::collections::BTreeMap::new();
+        let channel_id = writer.add_channel(schema, "/state", "cdr", &metadata).unwrap();
+        for time_s in times_s {
+            let log_time = time_s * 1_000_000_000;
+            let header =
+                mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: log_time };
+            writer.write_to_known_channel(&header, &[0; 12]).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+
+    #[test]
+    fn files_without_metadata_are_one_bag_where_each_goes_on_after_the_one_before() {
+        let home = tempfile::tempdir().unwrap();
+        let bags = |name: &str, spans_s: &[[u64; 2]]| {
+            let folder = home.path().join(name);
+            fs::create_dir(&folder).unwrap();
+            for (i, span_s) in spans_s.iter().enumerate() {
+                write_mcap(&folder.join(format!("part_{i}.mcap")), *span_s);
+            }
+            let found = bags_under(&folder).unwrap();
+            (folder, found)
+        };
+        let (folder, split) = bags("split", &[[100, 110], [111, 120], [120, 130]]);
+        assert_eq!(split, [folder]);
+        let (folder, apart) = bags("apart", &[[100, 110], [3600, 3610]]);
+        assert_eq!(apart, [0, 1].map(|i| folder.join(format!("part_{i}.mcap"))));
+        let (folder, at_once) = bags("at_once", &[[100, 110], [101, 109]]);
+        assert_eq!(at_once, [0, 1].map(|i| folder.join(format!("part_{i}.mcap"))));
+        // A folder of such folders: the one bag, and the files of the others.
+        assert_eq!(bags_under(home.path()).unwrap().len(), 5);
+        let many: Vec<[u64; 2]> = (0..11).map(|i| [100 + i, 101 + i]).collect();
+        let (folder, _) = bags("many", &many);
+        assert!(mcap_files(&folder).unwrap()[10].ends_with("part_10.mcap"));
     }
 
     #[test]

@@ -2,24 +2,26 @@
 
 use nalgebra::{Isometry3, UnitQuaternion};
 
-use super::bag::{Bag, BagTopic, seconds};
+use super::bag::{Bag, BagTopic};
 use super::calibration::{CameraCalibration, optical_axes};
+use super::choice::choose;
 use super::clouds::{Cloud, CloudHabits};
 use super::mapping::MappingConfig;
+use super::message::frame_name;
 use super::objects;
-use super::poses::{ego_from_base, poses};
-use super::tf::frame_name;
+use super::poses::{ego_from_base, odometry};
 use super::timeline::{BagTimeline, MessageTrack, Stamped, Topics};
 use super::{cdr::Value, images};
 use crate::config::Checked;
 use crate::geometry::Transform;
 use crate::import::motion::Motion;
-use crate::import::{
-    Drive, DriveFacts, ImportConfig, ImportError, Notes, Odometry, RawCamera, RawFrame, Series,
-};
+use crate::import::{Drive, DriveFacts, ImportConfig, ImportError, Notes, Odometry, RawCamera, RawFrame};
 
 /// Clouds that are looked at to find how their points count times and rings.
 const CLOUDS_TRIED: usize = 5;
+/// A cab on springs moves less against the wheels, metres and degrees.
+const MOST_MOVED_M: f64 = 0.1;
+const MOST_TURNED_DEG: f64 = 2.0;
 
 /// A bag that has been gone through once.
 pub struct Ros2Drive {
@@ -39,13 +41,14 @@ pub struct Ros2Drive {
 }
 
 impl Ros2Drive {
-    /// Goes through a bag.
+    /// Goes through a bag. `is_guessed`: the mapping is the bag's own proposal.
     ///
     /// # Errors
     /// The bag is damaged, lacks what the mapping names, or no sample has all of its parts.
     pub fn open(
         bag: Bag,
         mapping: Checked<MappingConfig>,
+        is_guessed: bool,
         config: &ImportConfig,
         notes: &mut Notes,
     ) -> Result<Self, ImportError> {
@@ -62,8 +65,10 @@ impl Ros2Drive {
         let (ego_from_base, ground) = ego_from_base(&mapping.frames, &timeline.tf);
         let of_mapping_m = Some(mapping.vehicle.wheelbase_m).filter(|length_m| *length_m > 0.0);
         let wheelbase_m = of_mapping_m.unwrap_or(config.vehicle.wheelbase_m);
-        let (odometry, pose_source) = odometry(&timeline, &mapping, wheelbase_m, &ego_from_base, notes)
-            .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
+        let has_turned_imu = timeline.turn_imu(&mapping, notes);
+        let (odometry, pose_source) =
+            odometry(&timeline, &mapping, is_guessed, wheelbase_m, &ego_from_base, notes)
+                .map_err(|why| ImportError::at(bag.path(), format!("the ego's poses: {why}")))?;
         let has_objects = topics.objects.is_some();
         let mut drive = Self {
             facts: DriveFacts {
@@ -98,55 +103,20 @@ impl Ros2Drive {
         drive.find_habits(notes)?;
         if !drive.mapping.camera.topic.is_empty() {
             let calibration = drive.calibration(drive.times_ns[0])?;
+            calibration.doubt.into_iter().for_each(|sentence| notes.tell(sentence));
             drive.calibration = Some(calibration.source);
         }
-        drive.describe();
+        drive.describe(has_turned_imu);
         Ok(drive)
     }
 
-    /// Keeps the clouds within the time that poses and pictures cover, and tells how many are left out.
+    /// Keeps the clouds that poses and pictures cover.
     fn choose_samples(&mut self, notes: &mut Notes) -> Result<(), ImportError> {
-        let clouds = &self.timeline.clouds;
-        let mut spans: Vec<(&str, u64, u64)> = Vec::new();
-        if let (Some(first), Some(last)) = (self.odometry.poses.first(), self.odometry.poses.last()) {
-            spans.push(("poses", first.0, last.0));
-        }
-        let pictures = &self.timeline.pictures.messages;
-        if let (Some(first), Some(last)) = (pictures.first(), pictures.last()) {
-            spans.push(("pictures", first.stamp_ns, last.stamp_ns));
-        } else if !self.mapping.camera.topic.is_empty() {
-            let message = format!("topic `{}` holds no picture", self.mapping.camera.topic);
-            return Err(ImportError::at(self.bag.path(), message));
-        }
-        let mut kept = clouds.messages.clone();
-        for (what, first_ns, last_ns) in spans {
-            let n_before = kept.len();
-            let span = first_ns.saturating_sub(self.tolerance_ns)..=last_ns.saturating_add(self.tolerance_ns);
-            kept.retain(|cloud| span.contains(&cloud.stamp_ns));
-            let n_out = n_before - kept.len();
-            if kept.is_empty() {
-                let message = format!(
-                    "no cloud lies within the time of the {what}: clouds are at {}, {what} at {} to {}; where stamps are of \
-                     different clocks, `stamps = \"log\"` takes the recorder's",
-                    clouds.span(),
-                    seconds(first_ns),
-                    seconds(last_ns)
-                );
-                return Err(ImportError::at(self.bag.path(), message));
-            }
-            if n_out > 0 {
-                notes.tell(format!(
-                    "{n_out} of {} clouds lie outside the time of the {what} and are left out",
-                    clouds.messages.len()
-                ));
-            }
-        }
-        if kept.is_empty() {
-            let message = format!("topic `{}` holds no cloud", self.mapping.lidar.topic);
-            return Err(ImportError::at(self.bag.path(), message));
-        }
-        self.times_ns = kept.iter().map(|cloud| cloud.stamp_ns).collect();
-        self.clouds = kept;
+        let poses = &self.odometry.poses;
+        let poses_ns = poses.first().zip(poses.last()).map(|(first, last)| (first.0, last.0));
+        self.clouds = choose(&self.timeline, poses_ns, &self.mapping, self.tolerance_ns, notes)
+            .map_err(|why| self.told(why))?;
+        self.times_ns = self.clouds.iter().map(|cloud| cloud.stamp_ns).collect();
         Ok(())
     }
 
@@ -168,15 +138,11 @@ impl Ros2Drive {
         let near = messages[first..]
             .iter()
             .take_while(|of| of.stamp_ns <= time_ns.saturating_add(self.tolerance_ns));
-        let own = near.filter(|of| self.nearest_cloud_ns(of.stamp_ns) == Some(time_ns));
+        let is_own = |of: &Stamped| {
+            self.timeline.clouds.nearest(of.stamp_ns).is_some_and(|cloud| cloud.stamp_ns == time_ns)
+        };
+        let own = near.filter(|of| is_own(of));
         own.copied().min_by_key(|of| of.stamp_ns.abs_diff(time_ns))
-    }
-
-    /// The time of the sample's cloud that is nearest to a time, of two the earlier.
-    fn nearest_cloud_ns(&self, time_ns: u64) -> Option<u64> {
-        let after = self.times_ns.partition_point(|cloud_ns| *cloud_ns < time_ns);
-        let around = &self.times_ns[after.saturating_sub(1)..(after + 1).min(self.times_ns.len())];
-        around.iter().copied().min_by_key(|cloud_ns| cloud_ns.abs_diff(time_ns))
     }
 
     fn motion(&self) -> Motion<'_> {
@@ -206,20 +172,49 @@ impl Ros2Drive {
                 let base_from_lidar = self.base_from(&frame, cloud.stamp_ns)?;
                 let habits =
                     || cloud_of.habits(&self.mapping.lidar, base_from_lidar.rotation, cloud.stamp_ns);
-                Ok((!cloud_of.is_empty()).then(habits))
+                Ok((!cloud_of.is_empty()).then(habits).map(|habits| (frame, habits)))
             });
             // A cloud that cannot be read is told when its sample is read.
-            if let Ok(Some((habits, told))) = found {
+            if let Ok(Some((frame, (habits, told)))) = found {
                 self.habits = habits;
                 told.into_iter().for_each(|sentence| notes.tell(sentence));
-                return Ok(());
+                return self.check_mounting(&frame);
             }
         }
         Ok(())
     }
 
-    fn describe(&mut self) {
+    /// Refuses clouds whose frame is not fixed to the car, such as those that an odometry has moved into the world's frame: what a
+    /// LiDAR saw where in its turn, and from where, is lost in them.
+    fn check_mounting(&self, frame: &str) -> Result<(), ImportError> {
+        let last = self.times_ns.len() - 1;
+        let times_ns = (0..=4).map(|i| self.times_ns[last * i / 4]);
+        let mut poses = times_ns.filter_map(|time_ns| self.base_from(frame, time_ns).ok());
+        let Some(first) = poses.next() else { return Ok(()) };
+        for then in poses {
+            let moved = first.inverse() * then;
+            let (moved_m, turned_deg) =
+                (moved.translation.vector.norm(), moved.rotation.angle().to_degrees());
+            if moved_m > MOST_MOVED_M || turned_deg > MOST_TURNED_DEG {
+                let (topic, base) = (&self.mapping.lidar.topic, &self.mapping.frames.base);
+                return Err(self.told(format!(
+                    "the clouds of topic `{topic}` are in the frame `{frame}`, which moves against the car's `{base}`, by {moved_m:.2} m \
+                     and {turned_deg:.1} degrees; clouds in the frame of a LiDAR that is fixed to the car are needed (lidar.topic)"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn describe(&mut self, has_turned_imu: bool) {
+        if let Some(yaw_rate) = self.odometry.yaw_rate_rps.as_mut().filter(|_| has_turned_imu) {
+            let base = &self.mapping.frames.base;
+            yaw_rate.source = format!("{}, turned by tf into the axes of `{base}`", yaw_rate.source);
+        }
         let Self { mapping, calibration, habits, .. } = self;
+        if !mapping.objects.topic.is_empty() {
+            self.facts.methods.push(("objects", format!("topic `{}`", mapping.objects.topic)));
+        }
         self.facts.methods.push(("lidar", format!("topic `{}`", mapping.lidar.topic)));
         if let Some(calibration) = calibration {
             let camera = format!("topic `{}`, {calibration}", mapping.camera.topic);
@@ -251,19 +246,7 @@ impl Ros2Drive {
 
     /// The message of a topic nearest to a cloud.
     fn nearest(&self, track: &MessageTrack, topic: &BagTopic, time_ns: u64) -> Result<Stamped, ImportError> {
-        let name = &topic.name;
-        let found = track.nearest(time_ns);
-        let found = found.ok_or_else(|| self.told(format!("topic `{name}` holds no message")))?;
-        let apart_ns = found.stamp_ns.abs_diff(time_ns);
-        if apart_ns <= self.tolerance_ns {
-            return Ok(found);
-        }
-        let [apart_ms, most_ms] = [apart_ns, self.tolerance_ns].map(|span_ns| span_ns as f64 * 1e-6);
-        Err(self.told(format!(
-            "the cloud is of {} and the nearest message of `{name}` of {}, {apart_ms:.0} ms apart; at most {most_ms:.0} ms \
-             are allowed (stamp_tolerance_s)",
-            seconds(time_ns), seconds(found.stamp_ns)
-        )))
+        track.near(&topic.name, time_ns, self.tolerance_ns).map_err(|why| self.told(why))
     }
 
     /// What is known of the camera at a time: its info need not come with each picture.
@@ -333,6 +316,10 @@ impl Drive for Ros2Drive {
         &self.odometry
     }
 
+    fn is_annotated(&self, sample_idx: usize) -> bool {
+        self.mapping.objects.topic.is_empty() || self.objects_at(self.times_ns[sample_idx]).is_some()
+    }
+
     fn frame(&self, sample_idx: usize, notes: &mut Notes) -> Result<RawFrame, ImportError> {
         let Stamped { stamp_ns, place } = self.clouds[sample_idx];
         let topic = self.bag.topic("lidar.topic", &self.mapping.lidar.topic)?;
@@ -350,9 +337,11 @@ impl Drive for Ros2Drive {
             None => None,
             Some(Stamped { stamp_ns: message_ns, place }) => {
                 let topic = self.bag.topic("objects.topic", name)?;
-                Some(self.bag.read(topic, place, |message| {
+                let (objects, told) = self.bag.read(topic, place, |message| {
                     objects::objects(message, message_ns, |frame| self.ego_from(frame, stamp_ns, message_ns))
-                })?)
+                })?;
+                told.into_iter().for_each(|sentence| notes.tell(sentence));
+                Some(objects)
             }
         };
         // A sample without boxes in a drive that has some is left out.
@@ -367,27 +356,4 @@ impl Drive for Ros2Drive {
             ignored: Vec::new(),
         })
     }
-}
-
-/// Poses and measured series, and a sentence on the poses.
-fn odometry(
-    timeline: &BagTimeline,
-    mapping: &MappingConfig,
-    wheelbase_m: f64,
-    ego_from_base: &Isometry3<f64>,
-    notes: &mut Notes,
-) -> Result<(Odometry, String), String> {
-    let (poses, source) = poses(timeline, mapping, wheelbase_m, ego_from_base, notes)?;
-    let series = |values: &[(u64, f64)], field: &super::mapping::FieldMapping| {
-        let source = format!("measured: `{}` of topic `{}`", field.field, field.topic);
-        (!values.is_empty()).then(|| Series { source, values: values.to_vec() })
-    };
-    let odometry = Odometry {
-        poses,
-        speed_mps: series(&timeline.speed_mps, &mapping.speed),
-        steering_angle_rad: series(&timeline.steering_angle_rad, &mapping.steering),
-        yaw_rate_rps: series(&timeline.yaw_rate_rps, &mapping.yaw_rate),
-        acceleration_mps2: None,
-    };
-    Ok((odometry, source))
 }

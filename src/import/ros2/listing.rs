@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::bag::{Bag, BagTopic, seconds};
 use super::container::bags_under;
-use super::propose::{Proposal, first_frame, tf_tree};
-use super::tf::stamp_ns;
+use super::message::stamp_ns;
+use super::propose::{Proposal, tf_tree};
 use crate::import::ImportError;
 use crate::text_table::text_table;
 
@@ -69,7 +69,7 @@ fn first_header(bag: &Bag, topic: &BagTopic) -> Result<(String, String), ImportE
     let nothing = || ("-".to_owned(), "-".to_owned());
     let first = bag.places(topic)?.first().copied();
     let Some(first) = first.filter(|_| topic.message_type().is_ok()) else { return Ok(nothing()) };
-    let frame = first_frame(bag, topic)?.filter(|frame| !frame.is_empty()).unwrap_or_else(|| "-".into());
+    let frame = bag.first_frame(topic)?.filter(|frame| !frame.is_empty()).unwrap_or_else(|| "-".into());
     let stamp = bag.read(topic, first, |value| {
         Ok(stamp_ns(value, "header.stamp").map_or_else(|_| "-".into(), seconds))
     })?;

@@ -32,7 +32,7 @@ pub enum CameraAxes {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rectified {
-    /// Where the topic's name holds `rect`.
+    /// Where the topic's name holds the word `rect` or `rectified`.
     Auto,
     Yes,
     No,

@@ -6,18 +6,22 @@
 mod bag;
 mod calibration;
 mod cdr;
+mod choice;
 mod clouds;
 mod container;
 mod drive;
 mod images;
 mod listing;
 mod mapping;
+mod measured;
+mod message;
 mod objects;
 mod poses;
 mod propose;
 mod schema;
 mod tf;
 mod timeline;
+mod words;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -45,7 +49,7 @@ pub struct Ros2Log {
 }
 
 impl Ros2Log {
-    /// Finds the bags under a path; no bag is read yet.
+    /// Finds the bags under a path; of a folder of files without `metadata.yaml` the indexes tell whether they are one.
     ///
     /// # Errors
     /// The mapping is not valid, or the folder cannot be read.
@@ -112,8 +116,10 @@ impl Log for Ros2Log {
             for (table, reason) in proposal.reasons.iter().filter(|(_, reason)| reason.contains("MISSING")) {
                 notes.tell(format!("mapping [{table}]: {reason}"));
             }
+            proposal.notes.into_iter().for_each(|sentence| notes.tell(sentence));
             Checked::new(proposal.mapping)?
         };
-        Ok(Box::new(Ros2Drive::open(bag, mapping, &self.config, notes)?))
+        let is_guessed = self.mapping.is_none();
+        Ok(Box::new(Ros2Drive::open(bag, mapping, is_guessed, &self.config, notes)?))
     }
 }

@@ -1,16 +1,41 @@
 //! A mapping for a bag that nobody has described: guessed by types, names, frames and the tf tree, each guess with its reason.
 
 use super::bag::{Bag, BagTopic};
-use super::mapping::{FieldMapping, MappingConfig};
-use super::tf::{TfTree, frame_name};
+use super::mapping::MappingConfig;
+use super::measured;
+use super::tf::TfTree;
 use super::timeline::{CAMERA_INFO, CLOUD, IMAGES, OBJECTS, ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF};
+use super::words::{has_word, holds};
 use crate::import::ImportError;
 
 const BASE_FRAMES: [&str; 7] =
     ["base_link", "base_footprint", "ego_vehicle", "vehicle", "ego", "base", "rear_axle"];
 const FIXED_FRAMES: [&str; 5] = ["odom", "map", "world", "earth", "utm"];
-const OTHER_CLOUDS: [&str; 9] =
-    ["radar", "ground", "cluster", "object", "depth", "filter", "segment", "map", "stereo"];
+const OTHER_CLOUDS: [&str; 18] = [
+    "radar",
+    "ground",
+    "cluster",
+    "object",
+    "depth",
+    "filter",
+    "segment",
+    "map",
+    "stereo",
+    // What odometries make of a cloud: freed from motion, or already in the world's frame.
+    "registered",
+    "deskew",
+    "undistort",
+    "unskew",
+    "compensated",
+    "corrected",
+    "aligned",
+    "world",
+    "global",
+];
+/// Of LiDARs with about as many messages, the one that sees all round.
+const BEST_LIDARS: [&str; 6] = ["top", "roof", "center", "centre", "concat", "concatenated"];
+/// Parts of the names of topics of annotations, beside the word `gt`.
+const TRUTH_NAMES: [&str; 4] = ["truth", "label", "annotation", "annotated"];
 const OTHER_PICTURES: [&str; 9] =
     ["depth", "dispar", "mask", "seg", "thermal", "infra", "label", "debug", "confidence"];
 /// A picture's topic is that of the front camera the sooner the more of these its name holds; with their weights.
@@ -29,32 +54,13 @@ const PICTURE_WORDS: [(&str, i32); 12] = [
     ("gray", -2),
 ];
 
-/// Numbers that mean a speed or an angle in messages of a known type: type, field, unit, scale.
-const SPEEDS: [(&str, &str, &str); 8] = [
-    ("autoware_vehicle_msgs/VelocityReport", "longitudinal_velocity", "m/s"),
-    ("autoware_auto_vehicle_msgs/VelocityReport", "longitudinal_velocity", "m/s"),
-    ("nav_msgs/Odometry", "twist.twist.linear.x", "m/s"),
-    ("geometry_msgs/TwistStamped", "twist.linear.x", "m/s"),
-    ("geometry_msgs/TwistWithCovarianceStamped", "twist.twist.linear.x", "m/s"),
-    ("can_msgs/WheelSpeed", "speed", "m/s"),
-    ("ackermann_msgs/AckermannDriveStamped", "drive.speed", "m/s"),
-    ("ackermann_msgs/AckermannDrive", "speed", "m/s"),
-];
-const STEERINGS: [(&str, &str, &str); 4] = [
-    ("autoware_vehicle_msgs/SteeringReport", "steering_tire_angle", "rad"),
-    ("autoware_auto_vehicle_msgs/SteeringReport", "steering_tire_angle", "rad"),
-    ("ackermann_msgs/AckermannDriveStamped", "drive.steering_angle", "rad"),
-    ("ackermann_msgs/AckermannDrive", "steering_angle", "rad"),
-];
-const YAW_RATES: [(&str, &str, &str); 1] = [("sensor_msgs/Imu", "angular_velocity.z", "rad/s")];
-const PLAIN_NUMBERS: [&str; 4] =
-    ["std_msgs/Float32", "std_msgs/Float64", "example_interfaces/Float32", "example_interfaces/Float64"];
-
 /// A proposed mapping, and what was guessed or is missing, by table of the mapping.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Proposal {
     pub mapping: MappingConfig,
     pub reasons: Vec<(&'static str, String)>,
+    /// What an import tells that goes by this proposal.
+    pub notes: Vec<String>,
 }
 
 impl Proposal {
@@ -72,34 +78,52 @@ impl Proposal {
         proposal.camera(bag);
         proposal.frames(tf, &lidar_frame);
         proposal.poses(bag, tf);
-        proposal.measured(bag);
-        if let Some(topic) = readable(bag).find(|topic| topic.is_of(&[OBJECTS])) {
-            proposal.mapping.objects.topic.clone_from(&topic.name);
-            proposal.say("objects", "the first topic of annotated boxes");
-        }
+        proposal.measured(bag)?;
+        proposal.objects(bag);
         proposal.say("vehicle", "a bag does not say it: measure wheelbase and bumper of the car; until then [vehicle] of ros2.toml holds");
         Ok(proposal)
     }
 
     fn lidar(&mut self, bag: &Bag) -> Result<String, ImportError> {
-        let clouds: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&[CLOUD])).collect();
+        let clouds: Vec<&BagTopic> = bag.readable().filter(|topic| topic.is_of(&[CLOUD])).collect();
         let is_other = |topic: &BagTopic| holds(&topic.name, &OTHER_CLOUDS);
-        let best = clouds
-            .iter()
-            .max_by_key(|topic| (!is_other(topic), topic.n_messages, std::cmp::Reverse(&topic.name)));
+        let raw = clouds.iter().filter(|topic| !is_other(topic));
+        let most = raw.map(|topic| topic.n_messages).max().unwrap_or(0);
+        // Drivers of one rate lose some messages each.
+        let is_best =
+            |topic: &BagTopic| topic.n_messages * 10 >= most * 9 && has_word(&topic.name, &BEST_LIDARS);
+        let best = clouds.iter().max_by_key(|topic| {
+            (!is_other(topic), is_best(topic), topic.n_messages, std::cmp::Reverse(&topic.name))
+        });
         let Some(best) = best else {
             self.say("lidar", "MISSING: the bag has no topic of sensor_msgs/PointCloud2 that can be read");
             return Ok(String::new());
         };
+        let others: Vec<String> = clouds
+            .iter()
+            .filter(|topic| topic.name != best.name && !is_other(topic))
+            .map(|topic| format!("`{}`", topic.name))
+            .collect();
         let n = clouds.len();
-        self.say("lidar", format!("guessed: {n} topic(s) of clouds; this one has the most messages and no name of derived clouds"));
+        self.say("lidar", format!(
+            "guessed: {n} topic(s) of clouds; by name (top, roof, center, concat; none of derived clouds) and number of messages"
+        ));
+        if !others.is_empty() {
+            let sentence = format!(
+                "the clouds are those of `{}`; not taken: {} (lidar.topic)",
+                best.name,
+                others.join(", ")
+            );
+            self.say("lidar", sentence.clone());
+            self.notes.push(sentence);
+        }
         self.mapping.lidar.topic.clone_from(&best.name);
-        first_frame(bag, best).map(Option::unwrap_or_default)
+        bag.first_frame(best).map(Option::unwrap_or_default)
     }
 
     fn camera(&mut self, bag: &Bag) {
-        let pictures: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&IMAGES)).collect();
-        let infos: Vec<&BagTopic> = readable(bag).filter(|topic| topic.is_of(&[CAMERA_INFO])).collect();
+        let pictures: Vec<&BagTopic> = bag.readable().filter(|topic| topic.is_of(&IMAGES)).collect();
+        let infos: Vec<&BagTopic> = bag.readable().filter(|topic| topic.is_of(&[CAMERA_INFO])).collect();
         let n_pictures = pictures.len();
         let info_of = |picture: &BagTopic| {
             // image_transport's convention: the info lies beside the picture, whose name may go on.
@@ -192,7 +216,7 @@ impl Proposal {
             return;
         }
         let types = [ODOMETRY, POSE_WITH_COVARIANCE, POSE];
-        let found = types.iter().find_map(|name| readable(bag).find(|topic| topic.is_of(&[name])));
+        let found = types.iter().find_map(|name| bag.readable().find(|topic| topic.is_of(&[name])));
         if let Some(topic) = found {
             self.mapping.poses.topic.clone_from(&topic.name);
             self.say("poses", "guessed by its type; tf does not tell how the car moves");
@@ -202,86 +226,41 @@ impl Proposal {
         }
     }
 
-    fn measured(&mut self, bag: &Bag) {
-        let find = |types: &[(&str, &str, &str)], words: &[&str], unit: &str| -> (FieldMapping, String) {
-            for (type_name, field, unit) in types {
-                if let Some(topic) = readable(bag).find(|topic| topic.is_of(&[type_name])) {
-                    let has_field = topic
-                        .message_type()
-                        .is_ok_and(|found| found.number_paths().iter().any(|path| path == field));
-                    if has_field {
-                        let is_command = if type_name.starts_with("ackermann") {
-                            "; it may be a command, not a measurement"
-                        } else {
-                            ""
-                        };
-                        let mapping = field_of(&topic.name, field, unit);
-                        return (mapping, format!("guessed by its type {type_name}{is_command}"));
-                    }
-                }
-            }
-            let plain = readable(bag).find(|topic| topic.is_of(&PLAIN_NUMBERS) && holds(&topic.name, words));
-            if let Some(topic) = plain {
-                let sentence = "guessed by its name; check its unit and sign";
-                return (field_of(&topic.name, "data", unit), sentence.into());
-            }
-            let others: Vec<String> = readable(bag)
-                .filter_map(|topic| {
-                    let paths = topic.message_type().ok()?.number_paths();
-                    let is_meant = |path: &String| {
-                        let is_other = path.starts_with("header.") || holds(path, &["angular", "covariance"]);
-                        !is_other && (holds(path, words) || holds(&topic.name, words))
-                    };
-                    let path = paths.into_iter().find(is_meant)?;
-                    Some(format!("`{}` with field = \"{path}\"", topic.name))
-                })
-                .take(3)
-                .collect();
-            let hint =
-                if others.is_empty() { String::new() } else { format!("; perhaps {}", others.join(", or ")) };
-            (FieldMapping::default(), format!("not found{hint}"))
-        };
-        let (speed, why) = find(&SPEEDS, &["speed", "velocity"], "m/s");
+    fn measured(&mut self, bag: &Bag) -> Result<(), ImportError> {
+        let has_poses = !self.mapping.poses.topic.is_empty();
+        let or_poses = |why: String| if why.starts_with("not") { why + "; from the poses" } else { why };
+        let (speed, why) = measured::speed(bag, has_poses)?;
         self.mapping.speed = speed;
-        self.say("speed", format!("{why}{}", if why.starts_with("not") { "; from the poses" } else { "" }));
-        let (steering, why) = find(&STEERINGS, &["steer", "wheel_angle"], "rad");
+        self.say_measured("speed", or_poses(why));
+        let (steering, why) = measured::steering(bag, has_poses)?;
         self.mapping.steering = steering;
-        self.say(
-            "steering",
-            format!("{why}{}", if why.starts_with("not") { "; from the poses" } else { "" }),
-        );
-        let (yaw_rate, why) = find(&YAW_RATES, &["yaw_rate", "yawrate"], "rad/s");
+        self.say_measured("steering", or_poses(why));
+        let (yaw_rate, why) = measured::yaw_rate(bag, has_poses)?;
         self.mapping.yaw_rate = yaw_rate;
-        self.say(
-            "yaw_rate",
-            if why.starts_with("not") { why } else { format!("{why}; right where the IMU's z points up") },
-        );
+        let is_imu = why.contains("sensor_msgs/Imu");
+        let axes = if is_imu { "; turned into the car's axes where tf connects the IMU's frame" } else { "" };
+        self.say_measured("yaw_rate", why + axes);
+        Ok(())
     }
-}
 
-fn field_of(topic: &str, field: &str, unit: &str) -> FieldMapping {
-    FieldMapping { topic: topic.into(), field: field.into(), unit: unit.into(), ..FieldMapping::default() }
-}
+    /// What was passed over is told by an import, too.
+    fn say_measured(&mut self, table: &'static str, why: String) {
+        if why.contains("passed over") {
+            self.notes.push(format!("mapping [{table}]: {why}"));
+        }
+        self.say(table, why);
+    }
 
-/// Topics with messages of known fields.
-fn readable(bag: &Bag) -> impl Iterator<Item = &BagTopic> {
-    bag.topics().filter(|topic| topic.n_messages > 0 && topic.message_type().is_ok())
-}
-
-fn holds(name: &str, words: &[&str]) -> bool {
-    let name = name.to_lowercase();
-    words.iter().any(|word| name.contains(word))
-}
-
-/// The frame of a topic's first message; `None` where its messages have no header.
-///
-/// # Errors
-/// The file is damaged, or the message is not valid.
-pub fn first_frame(bag: &Bag, topic: &BagTopic) -> Result<Option<String>, ImportError> {
-    let Some(&first) = bag.places(topic)?.first() else { return Ok(None) };
-    bag.read(topic, first, |value| {
-        Ok(value.text("header.frame_id").ok().map(|frame| frame_name(frame).to_owned()))
-    })
+    fn objects(&mut self, bag: &Bag) {
+        let topics: Vec<&BagTopic> = bag.readable().filter(|topic| topic.is_of(&[OBJECTS])).collect();
+        let is_truth = |name: &str| has_word(name, &["gt"]) || holds(name, &TRUTH_NAMES);
+        let best = topics.iter().find(|topic| is_truth(&topic.name)).or(topics.first());
+        let Some(best) = best else { return };
+        self.mapping.objects.topic.clone_from(&best.name);
+        let why = if is_truth(&best.name) { "by its name" } else { "the first topic of boxes" };
+        self.say("objects", format!("guessed: {why}; it must be annotations, not what a detector found"));
+        self.notes.push(format!("taken as annotations: topic `{}` (objects.topic)", best.name));
+    }
 }
 
 /// The tf tree of a bag.

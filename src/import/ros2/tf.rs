@@ -3,16 +3,19 @@
 //! Between two stamps of an edge its translation is interpolated linearly and its rotation along the great circle, as tf2
 //! does. Beyond its first and last stamp an edge holds for the tolerance, and no further.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::Isometry3;
 use thiserror::Error;
 
 use super::bag::seconds;
 use super::cdr::{CdrError, Value};
+use super::message::{frame_name, isometry_of, stamp_ns};
 
 /// Frames further apart than this many edges are a circle.
 const MOST_EDGES: usize = 100;
+/// Of a static edge that is said twice, what differs by less is the same: metres and radians.
+const SAME: f64 = 1e-3;
 
 /// The edges by the name of the child.
 #[derive(Debug, Clone, Default)]
@@ -20,6 +23,8 @@ pub struct TfTree {
     edges: BTreeMap<String, Edge>,
     /// Until [`TfTree::finish`]: the edges of children to the parents that they had before.
     others: BTreeMap<String, Vec<Edge>>,
+    /// Until then: parent and child of static edges that messages give several values.
+    replaced: BTreeSet<(String, String)>,
 }
 
 #[derive(Debug, Clone)]
@@ -42,38 +47,6 @@ pub enum TfError {
     OutOfTime { parent: String, child: String, first: String, last: String, wanted: String },
 }
 
-/// A frame's name without the slash of older writers.
-#[must_use]
-pub fn frame_name(name: &str) -> &str {
-    name.trim_start_matches('/')
-}
-
-/// The pose that translation and rotation of a message say; `None` if a number is not finite or the rotation none.
-///
-/// # Errors
-/// A field is missing.
-pub fn isometry_of(
-    value: &Value,
-    translation: &str,
-    rotation: &str,
-) -> Result<Option<Isometry3<f64>>, CdrError> {
-    let [x, y, z] = value.numbers_at(translation, ["x", "y", "z"])?;
-    let [qx, qy, qz, qw] = value.numbers_at(rotation, ["x", "y", "z", "w"])?;
-    let quaternion = Quaternion::new(qw, qx, qy, qz);
-    let is_valid = [x, y, z].iter().all(|number| number.is_finite()) && (quaternion.norm() - 1.0).abs() < 0.1;
-    let rotation = UnitQuaternion::from_quaternion(quaternion);
-    Ok(is_valid.then(|| Isometry3::from_parts(Translation3::new(x, y, z), rotation)))
-}
-
-/// The stamp at a path, in nanoseconds; negative ones count as 0.
-///
-/// # Errors
-/// A field is missing.
-pub fn stamp_ns(value: &Value, path: &str) -> Result<u64, CdrError> {
-    let [seconds, nanoseconds] = value.numbers_at(path, ["sec", "nanosec"])?;
-    Ok((seconds.max(0.0) as u64).saturating_mul(1_000_000_000).saturating_add(nanoseconds as u64))
-}
-
 impl TfTree {
     /// Takes up the transforms of a `tf2_msgs/TFMessage`. `log_time_ns` replaces the stamps if given. Returns how many
     /// were no transforms, such as rotations of length zero.
@@ -92,11 +65,26 @@ impl TfTree {
             let child = transform.text("child_frame_id")?;
             let stamp_ns = log_time_ns.map_or_else(|| stamp_ns(&transform, "header.stamp"), Ok)?;
             match isometry_of(&transform, "transform.translation", "transform.rotation")? {
-                Some(isometry) => self.add(parent, child, is_static, stamp_ns, isometry),
+                Some(isometry) => {
+                    if is_static && self.is_other_static(parent, child, &isometry) {
+                        self.replaced.insert((frame_name(parent).to_owned(), frame_name(child).to_owned()));
+                    }
+                    self.add(parent, child, is_static, stamp_ns, isometry);
+                }
                 None => n_invalid += 1,
             }
         }
         Ok(n_invalid)
+    }
+
+    /// Whether a static edge is known with another value.
+    fn is_other_static(&self, parent: &str, child: &str, parent_from_child: &Isometry3<f64>) -> bool {
+        let known = self.edges.get(frame_name(child));
+        let known = known.filter(|edge| edge.is_static && edge.parent == frame_name(parent));
+        known.and_then(|edge| edge.stamped.last()).is_some_and(|(_, known)| {
+            let moved = known.inverse() * parent_from_child;
+            moved.translation.vector.norm() > SAME || moved.rotation.angle() > SAME
+        })
     }
 
     /// Takes up one transform: coordinates in `child` to coordinates in `parent`. A static one replaces what was.
@@ -124,10 +112,14 @@ impl TfTree {
     }
 
     /// Sorts the stamps. An edge that never changes holds at all times. Of several parents of a child the one said last holds if it is
-    /// static, else `fixed` if it is one of them, else the one with the most stamps. Returns a sentence for each such child.
+    /// static, else `fixed` if it is one of them, else the one with the most stamps. Returns a sentence for each such child, and for each
+    /// static edge that messages give several values.
     #[must_use]
     pub fn finish(&mut self, fixed: &str) -> Vec<String> {
-        let mut told = Vec::new();
+        let tell = |(parent, child): (String, String)| {
+            format!("tf_static gives `{parent}` -> `{child}` several values; the last one holds at all times")
+        };
+        let mut told: Vec<String> = std::mem::take(&mut self.replaced).into_iter().map(tell).collect();
         for (child, others) in std::mem::take(&mut self.others) {
             let Some(last) = self.edges.remove(&child) else { continue };
             let mut parents = vec![last];
@@ -348,6 +340,37 @@ mod tests {
         tree.add("rig", "base_link", true, 0, Isometry3::identity());
         assert_eq!(tree.finish("map").len(), 1);
         assert!(tree.connects("rig", "base_link") && !tree.connects("map", "base_link"));
+    }
+
+    #[test]
+    fn a_static_edge_of_two_values_is_told_and_one_said_twice_is_not() {
+        let numbers = |names: &[&'static str], values: &[f64]| {
+            let fields = names.iter().zip(values).map(|(name, value)| (*name, Value::Number(*value)));
+            Value::Struct(fields.collect())
+        };
+        let message = |x: f64| {
+            let stamp = numbers(&["sec", "nanosec"], &[1.0, 0.0]);
+            let transform = Value::Struct(vec![
+                ("translation", numbers(&["x", "y", "z"], &[x, 0.0, 0.0])),
+                ("rotation", numbers(&["x", "y", "z", "w"], &[0.0, 0.0, 0.0, 1.0])),
+            ]);
+            let edge = Value::Struct(vec![
+                ("header", Value::Struct(vec![("stamp", stamp), ("frame_id", Value::Text("base_link"))])),
+                ("child_frame_id", Value::Text("lidar")),
+                ("transform", transform),
+            ]);
+            Value::Struct(vec![("transforms", Value::List(vec![edge]))])
+        };
+        let told = |places: [f64; 2]| {
+            let mut tree = TfTree::default();
+            for x in places {
+                assert_eq!(tree.add_message(&message(x), true, None), Ok(0));
+            }
+            tree.finish("")
+        };
+        assert!(told([1.2, 1.2]).is_empty());
+        let other = told([1.2, 0.7]);
+        assert!(matches!(&other[..], [told] if told.contains("`base_link` -> `lidar`")), "{other:?}");
     }
 
     #[test]

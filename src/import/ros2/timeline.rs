@@ -2,12 +2,13 @@
 //!
 //! Clouds and pictures are looked at for their stamps alone; their places are kept, and each is read when its sample is.
 
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 
 use super::bag::{Bag, BagTopic, Place, seconds};
 use super::cdr::{CdrError, Value};
-use super::mapping::{FieldMapping, MappingConfig, StampSource};
-use super::tf::{TfTree, frame_name, isometry_of, stamp_ns};
+use super::mapping::{FieldMapping, MappingConfig, RATE_UNITS, StampSource};
+use super::message::{frame_name, isometry_of, stamp_ns};
+use super::tf::TfTree;
 use crate::import::{ImportError, Notes};
 
 pub const CLOUD: &str = "sensor_msgs/PointCloud2";
@@ -18,6 +19,9 @@ pub const ODOMETRY: &str = "nav_msgs/Odometry";
 pub const POSE: &str = "geometry_msgs/PoseStamped";
 pub const POSE_WITH_COVARIANCE: &str = "geometry_msgs/PoseWithCovarianceStamped";
 pub const OBJECTS: &str = "vision_msgs/Detection3DArray";
+const IMU: &str = "sensor_msgs/Imu";
+/// The field of an IMU that is turned into the car's axes.
+const IMU_YAW_RATE: &str = "angular_velocity.z";
 
 /// Stamps further from the recorder's times than this come from another clock.
 const FAR_STAMP_NS: u64 = 1_000_000_000;
@@ -47,9 +51,14 @@ pub struct BagTimeline {
     pub poses: Vec<(u64, Isometry3<f64>)>,
     /// Whose poses they are; empty where messages do not say it.
     pub pose_frame: String,
+    /// Messages of that topic that hold no pose.
+    pub n_bad_poses: usize,
     pub speed_mps: Vec<(u64, f64)>,
     pub steering_angle_rad: Vec<(u64, f64)>,
     pub yaw_rate_rps: Vec<(u64, f64)>,
+    /// Of an IMU, in its own frame, until [`Self::turn_imu`].
+    imu_turns: Vec<(u64, Vector3<f64>)>,
+    imu_frame: String,
 }
 
 /// The topics that a mapping names, in a bag that has them.
@@ -149,6 +158,9 @@ impl BagTimeline {
             if is(topics.poses, name) {
                 timeline.add_pose(topic, stamp_ns, value)?;
             }
+            if name == mapping.yaw_rate.topic && is_turned(topic, &mapping.yaw_rate) {
+                timeline.add_turn(stamp_ns, value)?;
+            }
             let series = [
                 (&mapping.speed, &super::mapping::SPEED_UNITS[..], &mut timeline.speed_mps),
                 (&mapping.steering, &super::mapping::ANGLE_UNITS[..], &mut timeline.steering_angle_rad),
@@ -179,11 +191,46 @@ impl BagTimeline {
         let (position, orientation) = (format!("{pose}.position"), format!("{pose}.orientation"));
         if let Some(isometry) = isometry_of(value, &position, &orientation)? {
             self.poses.push((stamp_ns, isometry));
+        } else {
+            self.n_bad_poses += 1;
         }
         if topic.is_of(&[ODOMETRY]) && self.pose_frame.is_empty() {
             frame_name(value.text("child_frame_id")?).clone_into(&mut self.pose_frame);
         }
         Ok(())
+    }
+
+    fn add_turn(&mut self, stamp_ns: u64, value: &Value) -> Result<(), CdrError> {
+        let turn = Vector3::from(value.numbers_at("angular_velocity", ["x", "y", "z"])?);
+        if turn.iter().all(|part| part.is_finite()) {
+            self.imu_turns.push((stamp_ns, turn));
+        }
+        if self.imu_frame.is_empty() {
+            frame_name(value.text("header.frame_id")?).clone_into(&mut self.imu_frame);
+        }
+        Ok(())
+    }
+
+    /// Makes the yaw rate of an IMU that about the base frame's z, where tf tells how it is mounted. Returns whether it does.
+    pub fn turn_imu(&mut self, mapping: &MappingConfig, notes: &mut Notes) -> bool {
+        if self.imu_turns.is_empty() {
+            return false;
+        }
+        let (base, frame) = (&mapping.frames.base, &self.imu_frame);
+        let stamp_ns = self.tf.stamps_between(base, frame).first().copied().unwrap_or(0);
+        let found = self.tf.lookup(base, frame, stamp_ns, 0);
+        let base_from_imu =
+            found.as_ref().map_or_else(|_| UnitQuaternion::identity(), |found| found.rotation);
+        if found.is_err() {
+            notes.tell(format!(
+                "tf does not connect the IMU's frame `{frame}` with `{base}`; its z axis is taken to point up"
+            ));
+        }
+        let about_z = |(at_ns, turn): &(u64, Vector3<f64>)| {
+            (*at_ns, mapping.yaw_rate.to_si((base_from_imu * turn).z, &RATE_UNITS))
+        };
+        self.yaw_rate_rps = self.imu_turns.iter().map(about_z).collect();
+        found.is_ok()
     }
 
     fn sort(&mut self, topics: &Topics, notes: &mut Notes) {
@@ -201,7 +248,14 @@ impl BagTimeline {
             series.sort_by_key(|(stamp_ns, _)| *stamp_ns);
             series.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
         }
+        self.imu_turns.sort_by_key(|(stamp_ns, _)| *stamp_ns);
+        self.imu_turns.dedup_by_key(|(stamp_ns, _)| *stamp_ns);
     }
+}
+
+/// Whether a yaw rate is an IMU's, whose axes need not be the car's. Who gives it a negative scale has turned it already.
+fn is_turned(topic: &BagTopic, yaw_rate: &FieldMapping) -> bool {
+    topic.is_of(&[IMU]) && yaw_rate.field == IMU_YAW_RATE && yaw_rate.scale > 0.0
 }
 
 /// A message's time by the mapping's choice; what has no stamp, or the stamp 0, has the recorder's.
@@ -245,6 +299,25 @@ impl MessageTrack {
         let after = self.messages.partition_point(|message| message.stamp_ns < time_ns);
         let around = &self.messages[after.saturating_sub(1)..(after + 1).min(self.messages.len())];
         around.iter().copied().min_by_key(|message| message.stamp_ns.abs_diff(time_ns))
+    }
+
+    /// The message of `topic` nearest to a cloud.
+    ///
+    /// # Errors
+    /// A sentence: there is none within the tolerance.
+    pub fn near(&self, topic: &str, time_ns: u64, tolerance_ns: u64) -> Result<Stamped, String> {
+        let found = self.nearest(time_ns).ok_or_else(|| format!("topic `{topic}` holds no message"))?;
+        let apart_ns = found.stamp_ns.abs_diff(time_ns);
+        if apart_ns <= tolerance_ns {
+            return Ok(found);
+        }
+        let [apart_ms, most_ms] = [apart_ns, tolerance_ns].map(|span_ns| span_ns as f64 * 1e-6);
+        Err(format!(
+            "the cloud is of {} and the nearest message of `{topic}` of {}, {apart_ms:.0} ms apart; at most {most_ms:.0} ms \
+             are allowed (stamp_tolerance_s)",
+            seconds(time_ns),
+            seconds(found.stamp_ns)
+        ))
     }
 
     /// First and last stamp as people read them.

@@ -22,7 +22,7 @@ use super::lidar::LidarInput;
 use cnn_branch::CnnBranch;
 pub use cnn_input::{CnnBatch, CnnInput, PAINT_STRIDE, n_features, n_paint_pixels};
 use paint::take_pixels;
-pub use picture::{CameraGeometry, ImageTooFlat, NetworkImage, Recolour, unpack_image};
+pub use picture::{CameraGeometry, ImageTooFlat, NetworkImage, PictureFit, Recolour, unpack_image};
 pub use swin::Swin;
 pub use swin_branch::SwinCameraBranch;
 pub use swin_input::{SwinCameraBatch, SwinCameraInput};

@@ -116,32 +116,75 @@ pub struct ImageTooFlat {
     needed_height_px: u32,
 }
 
+/// What becomes of a picture on its way to the network, by its size alone.
+#[allow(clippy::struct_field_names, reason = "a quantity says its unit")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PictureFit {
+    /// The network's.
+    width_px: u32,
+    /// At that width, before the crop.
+    resized_height_px: u32,
+    /// Rows that the crop cuts off at the top.
+    cut_px: u32,
+}
+
+impl PictureFit {
+    /// The same for a picture of this width and height. The published backbone keeps only the lowest rows.
+    ///
+    /// # Errors
+    /// The resized picture has fewer rows than the published backbone needs.
+    pub fn of([width_px, height_px]: [u32; 2], config: &CameraConfig) -> Result<Self, ImageTooFlat> {
+        let (needed_width_px, kept_height_px) = match config.backbone {
+            CameraBackbone::Cnn => (config.cnn.image_width_px as u32, None),
+            CameraBackbone::Swin => {
+                (config.swin.image_width_px as u32, Some(config.swin.image_height_px as u32))
+            }
+        };
+        let scale = f64::from(needed_width_px) / f64::from(width_px);
+        let resized_height_px = (f64::from(height_px) * scale).round() as u32;
+        let cut_px = match kept_height_px {
+            None => 0,
+            Some(needed_height_px) => {
+                resized_height_px.checked_sub(needed_height_px).ok_or(ImageTooFlat {
+                    width_px,
+                    height_px,
+                    resized_height_px,
+                    needed_width_px,
+                    needed_height_px,
+                })?
+            }
+        };
+        Ok(Self { width_px: needed_width_px, resized_height_px, cut_px })
+    }
+
+    /// Height of the network's picture.
+    #[must_use]
+    pub fn height_px(&self) -> u32 {
+        self.resized_height_px - self.cut_px
+    }
+
+    /// Whether the crop cuts off the middle row, and with it what is far ahead of a level camera.
+    #[must_use]
+    pub fn leaves_out_middle(&self) -> bool {
+        self.cut_px > self.resized_height_px / 2
+    }
+}
+
 impl NetworkImage {
     /// Resizes a picture to the network's width; the published backbone keeps only the lowest rows.
     ///
     /// # Errors
     /// The resized picture has fewer rows than the published backbone needs.
     pub fn resize(full: &RgbImage, config: &CameraConfig) -> Result<Self, ImageTooFlat> {
-        let (width_px, kept_height_px) = match config.backbone {
-            CameraBackbone::Cnn => (config.cnn.image_width_px, None),
-            CameraBackbone::Swin => (config.swin.image_width_px, Some(config.swin.image_height_px as u32)),
-        };
-        let needed_width_px = width_px as u32;
-        let scale = f64::from(needed_width_px) / f64::from(full.width());
-        let resized_height_px = (f64::from(full.height()) * scale).round() as u32;
-        let resized = resize(full, needed_width_px, resized_height_px);
-        let Some(needed_height_px) = kept_height_px else {
-            return Ok(Self { pixels: resized, scale: [scale; 2], cut_px: 0 });
-        };
-        let cut_px = resized_height_px.checked_sub(needed_height_px).ok_or(ImageTooFlat {
-            width_px: full.width(),
-            height_px: full.height(),
-            resized_height_px,
-            needed_width_px,
-            needed_height_px,
-        })?;
+        let fit = PictureFit::of([full.width(), full.height()], config)?;
+        let PictureFit { width_px, resized_height_px, cut_px } = fit;
+        let scale = f64::from(width_px) / f64::from(full.width());
+        let resized = resize(full, width_px, resized_height_px);
+        if config.backbone == CameraBackbone::Cnn {
+            return Ok(Self { pixels: resized, scale: [scale; 2], cut_px });
+        }
         Ok(Self {
-            pixels: crop_imm(&resized, 0, cut_px, needed_width_px, needed_height_px).to_image(),
+            pixels: crop_imm(&resized, 0, cut_px, width_px, fit.height_px()).to_image(),
             scale: [scale, f64::from(resized_height_px) / f64::from(full.height())],
             cut_px,
         })

@@ -80,7 +80,7 @@ fn headline(results: &Results) -> Option<String> {
     let mean = |of: Option<ClassScores>| number(of.and_then(|of| of.mean), 3);
     Some(format!(
         "In drives with unfamiliar objects the network that ships misses {}{} of the {} harmful events at {} false alarms a kilometre{}{warned}. \
-         Mean AP there is {}, of unfamiliar objects {} with all false positives. {}",
+         Mean AP there is {}, of unfamiliar objects {} with all false positives but those on ignored ground. {}",
         percent(point.missed_per_event),
         within(point.missed_per_event_interval),
         point.n_events,
@@ -126,7 +126,9 @@ fn headline_of_seeds(means: &SeedMeans) -> Option<String> {
         ))
     });
     let unfamiliar = ap_of(Column::OodAll);
-    let unfamiliar = unfamiliar.map(|ap| format!(", of unfamiliar objects {ap} with all false positives"));
+    let unfamiliar = unfamiliar.map(|ap| {
+        format!(", of unfamiliar objects {ap} with all false positives but those on ignored ground")
+    });
     Some(format!(
         "In drives with unfamiliar objects {} trainings of the network that ships miss {} of the {} harmful events {}, in the mean \
          of their seeds{}. Mean AP there is {}{}. {}",
@@ -149,10 +151,33 @@ fn answer(of: &SideBySide, question: &QuestionConfig) -> Option<String> {
     let missed = versus.missed.get(versus.missed.len() / 2);
     let over = |line: &VersusLine| line.figures.get(place)?.over_first_seeds_interval;
     let more_missed = missed.and_then(over);
-    let sentence = match over(mean) {
-        Some([low, _]) if low > 0.0 && more_missed.is_none_or(|[least, _]| least <= 0.0) => &question.better,
-        Some([_, high]) if high < 0.0 && more_missed.is_none_or(|[_, most]| most >= 0.0) => &question.worse,
-        _ => &question.level,
+    // `Some` where an interval lies on one side of nought: whether the row is surely better.
+    let sure = |ends: Option<[f64; 2]>, is_better_above: bool| match ends {
+        Some([low, _]) if low > 0.0 => Some(is_better_above),
+        Some([_, high]) if high < 0.0 => Some(!is_better_above),
+        _ => None,
+    };
+    let word = |is_better: bool| if is_better { "better" } else { "worse" };
+    let sentence = match (sure(over(mean), true), sure(more_missed, false)) {
+        (Some(true), None | Some(true)) => question.better.clone(),
+        (Some(false), None | Some(false)) => question.worse.clone(),
+        (None, None) => question.level.clone(),
+        // What leads every table is not passed over.
+        (None, Some(by_missed)) => {
+            format!(
+                "{} By missed events alone `{}` is surely {}.",
+                question.level,
+                question.row,
+                word(by_missed)
+            )
+        }
+        (Some(by_ap), Some(by_missed)) => format!(
+            "{} By AP `{}` is surely {}, by missed events surely {}.",
+            question.level,
+            question.row,
+            word(by_ap),
+            word(by_missed)
+        ),
     };
     let aps = compared(mean, place, &|value| number(Some(value), 3))?;
     let missed = missed.and_then(|line| {
@@ -220,12 +245,25 @@ mod tests {
         assert!(text.starts_with("## In short\n") && text.contains(sentence), "{text}");
         for (ap, missed, sentence) in [
             (Some([-0.06, -0.02]), Some([-0.1, 0.1]), "The camera does harm. (both"),
-            (Some([-0.01, 0.06]), Some([-0.2, -0.1]), "Whether the camera pays is not certain. (both"),
+            (
+                Some([-0.01, 0.06]),
+                Some([-0.2, -0.1]),
+                "Whether the camera pays is not certain. By missed events alone `both` is surely better. (both",
+            ),
+            (Some([-0.01, 0.06]), Some([-0.2, 0.1]), "Whether the camera pays is not certain. (both"),
             (None, None, "Whether the camera pays is not certain. (both"),
             (Some([0.01, 0.06]), None, "The camera pays. (both"),
             // What misses surely more is not better, whatever its AP; what misses less is not worse.
-            (Some([0.01, 0.06]), Some([0.01, 0.1]), "Whether the camera pays is not certain. (both"),
-            (Some([-0.06, -0.01]), Some([-0.1, -0.01]), "Whether the camera pays is not certain. (both"),
+            (
+                Some([0.01, 0.06]),
+                Some([0.01, 0.1]),
+                "Whether the camera pays is not certain. By AP `both` is surely better, by missed events surely worse. (both",
+            ),
+            (
+                Some([-0.06, -0.01]),
+                Some([-0.1, -0.01]),
+                "Whether the camera pays is not certain. By AP `both` is surely worse, by missed events surely better. (both",
+            ),
         ] {
             let of = &mut results.side_by_side[0].of;
             of.mean[0].figures[1].over_first_seeds_interval = ap;
@@ -246,10 +284,10 @@ mod tests {
     #[test]
     fn what_the_network_that_ships_misses_is_told_of_split_test_once_it_is_known() {
         let results = test_results();
-        let sentence = "with all false positives. Development figures, split dev.";
+        let sentence = "with all false positives but those on ignored ground. Development figures, split dev.";
         assert!(top(&results).contains(sentence), "{}", top(&results));
         let reported = Results { reported: Some(test_reported()), ..results };
-        assert!(top(&reported).contains("with all false positives. Split test."), "{}", top(&reported));
+        assert!(top(&reported).contains("on ignored ground. Split test."), "{}", top(&reported));
     }
 
     #[test]
@@ -263,7 +301,7 @@ mod tests {
         let sentence = "In drives with unfamiliar objects 3 trainings of the network that ships miss 55.0 % (51.0–58.0) of the 100 harmful \
                         events at 10 false alarms a kilometre, in the mean of their seeds; they warn in time of 55.0 % (51.0–58.0) of those \
                         that can be stopped for at 8 m/s². Mean AP there is 0.550 (0.510–0.580), of unfamiliar objects 0.550 (0.510–0.580) \
-                        with all false positives. Split test.";
+                        with all false positives but those on ignored ground. Split test.";
         assert!(text.contains(sentence), "{text}");
         // Means of other networks, or of one alone, are not its.
         let changes: [fn(&mut SeedMeans); 2] =

@@ -1,7 +1,7 @@
 //! The results of an experiment in blocks, for RESULTS.md, the page and a network's card.
 
 use super::answers;
-use super::reported::{development_block, reported_blocks};
+use super::reported::{development_block, reported_blocks, strict_note};
 use super::seeds::{self, both_intervals, mean_of, missed_events};
 use super::{
     MissedHarm, Record, ReportedRecord, ReportedVersus, Results, RivalRecord, SetRecord, SetScores,
@@ -97,10 +97,16 @@ fn data_blocks(results: &Results) -> Vec<Block> {
     };
     let [n_train, n_val, _] = data.id.n_samples;
     let n_dev: usize = data.ood.n_samples.iter().sum();
+    let mut records = results.headline.iter().chain(&results.rows);
+    let of_id = if records.clone().next().is_some() && records.all(|of| of.learned_from.is_some()) {
+        format!("{n_val} samples with familiar objects alone to choose by")
+    } else {
+        format!("{n_train} samples to train on and {n_val} to validate on")
+    };
     vec![
         Block::text(format!(
             "Data: {}; {}. AP is the nuScenes one: mean over centre distances of 0.5, 1, 2 and 4 m, objects within 50 m.",
-            describe(&data.id, &format!("{n_train} samples to train on and {n_val} to validate on")),
+            describe(&data.id, &of_id),
             describe(&data.ood, &format!("{n_dev} samples with unfamiliar objects to choose by")),
         )),
         Block::code(format!(
@@ -118,11 +124,8 @@ fn short(hash: &str) -> String {
 /// Missed harm and all columns of a row with the paper's figures, its costs and its commands.
 fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
     let rows = record.scores().into_iter().map(|(column, scores)| {
-        let line = Line::new(column, &scores, None);
-        let cells = line.ours.into_iter().zip(line.paper);
-        let cells =
-            cells.map(|(our, their)| Cell { text: ap(our), below: vec![format!("paper {}", ap(their))] });
-        std::iter::once(line.name.into()).chain(cells).collect()
+        let strict = record.strict.as_ref().and_then(|of| column.map_or(Some(&of.id), |at| of.ood.get(at)));
+        Line::new(column, &scores, None).with_strict(strict).cells()
     });
     let samples = match &record.learned_from {
         Some(of) => format!(
@@ -134,13 +137,14 @@ fn record_blocks(results: &Results, record: &Record) -> Vec<Block> {
     };
     let note = format!(
         "{} M parameters, {:.1} MiB, seed {}, {} + {} epochs (LiDAR stage, fused stage) of {samples}; training time {}. \
-         {YARDSTICK}",
+         {}{YARDSTICK}",
         millions(record.n_parameters),
         record.checkpoint_bytes as f64 / f64::from(1 << 20),
         record.seed,
         record.epochs[0],
         record.epochs[1],
         duration(record.wall_and_cpu_s),
+        strict_note(record.strict.is_some()),
     );
     let table = Table::new(["AP"].into_iter().chain(PARTS), rows.collect()).with_note(note);
     let MissedHarm { id, ood } = &record.missed;
@@ -251,9 +255,20 @@ fn rival_blocks(results: &Results) -> Vec<Block> {
             format!("{:.2} ms", scores.judge_ms).into(),
         ]
     });
-    let missed = "harmful events missed, ID / OOD";
-    let head =
-        ["", "of row", missed, "sensors right", "mAP_OOD, matched FPs", "speed off", "steering off", "rule"];
+    let alarms = results.rivals.iter().find_map(|of| of.scores.missed.ood.as_ref().and_then(missed::middle));
+    let rate =
+        alarms.map_or_else(String::new, |of| format!(" at {} false alarms/km", of.max_false_alarms_per_km));
+    let missed = format!("harmful events missed{rate}, ID / OOD");
+    let head = [
+        "",
+        "of row",
+        missed.as_str(),
+        "sensors right",
+        "mAP_OOD, matched FPs",
+        "speed off",
+        "steering off",
+        "rule",
+    ];
     let times = results.network_ms.iter().map(|(row, ms)| format!("{row} {ms:.0} ms"));
     let note = format!(
         "Times are medians of a sample. The networks take, from cloud and packed image to boxes: {}.",

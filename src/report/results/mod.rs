@@ -117,6 +117,9 @@ pub struct Record {
     pub id: ClassScores,
     /// AP on the OOD set, in the four columns of Table III.
     pub ood: Columns<ClassScores>,
+    /// With neutral detections as false positives, where there may be such; unknown in what older versions wrote.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strict: Option<SetScores>,
     /// Missed harm on both sets; unknown in what older versions wrote.
     #[serde(default)]
     pub missed: MissedHarm,

@@ -11,8 +11,8 @@ use crate::eval::safety::Alarms;
 use crate::eval::{ClassScores, Column, Columns, Confidence};
 use crate::report::document::Block;
 use crate::report::missed;
-use crate::report::paper::{Line, PARTS, YARDSTICK};
-use crate::report::table::{Cell, Table, ap, number};
+use crate::report::paper::{Line, PARTS, STRICT, YARDSTICK};
+use crate::report::table::{Table, number};
 
 /// The headline's figures on split test, which `make results ARGS=--final` makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,6 +47,9 @@ pub struct ReportedSet {
     pub n_samples: usize,
     pub fingerprint: Fingerprint,
     pub scores: Columns<ClassScores>,
+    /// With neutral detections as false positives, where there may be such; unknown in what older versions wrote.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strict: Option<Columns<ClassScores>>,
     /// Missed harm at fixed false alarms.
     #[serde(default)]
     pub missed: Option<Alarms>,
@@ -57,8 +60,9 @@ pub struct ReportedSet {
 impl ReportedSet {
     fn lines(&self, columns: &[Option<Column>]) -> Vec<Line> {
         let line = |column: &Option<Column>| {
-            let scores = self.scores.get(column.unwrap_or(Column::Total))?;
-            Some(Line::new(*column, scores, self.confidence.as_ref()))
+            let at = column.unwrap_or(Column::Total);
+            let strict = self.strict.as_ref().and_then(|of| of.get(at));
+            Some(Line::new(*column, self.scores.get(at)?, self.confidence.as_ref()).with_strict(strict))
         };
         columns.iter().filter_map(line).collect()
     }
@@ -154,6 +158,11 @@ fn towns_table(results: &Results, record: &ReportedRecord, group: usize) -> Opti
     (!pairs.is_empty()).then(|| Table::new(head, vec![id, ood]))
 }
 
+/// What the strict figures are, where there are any.
+pub(super) fn strict_note(is_there: bool) -> String {
+    if is_there { format!("{STRICT} ") } else { String::new() }
+}
+
 /// The figures on split test, a table a group.
 pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec<Block> {
     let mut blocks = vec![
@@ -173,25 +182,18 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
         let families = sets.iter().filter_map(|&set| missed::by_family(set));
         blocks.extend(missed::table(&sets).into_iter().chain(families).map(Block::Table));
         let lines = [group.id.lines(&[None]), group.ood.lines(&Column::ALL.map(Some))].concat();
-        let cells = |line: Line| -> Vec<Cell> {
-            let cell = |i: usize| {
-                let interval = line.intervals[i].map(|[low, high]| format!("{low:.3}–{high:.3}"));
-                let below = interval.into_iter().chain([format!("paper {}", ap(line.paper[i]))]).collect();
-                Cell { text: ap(line.ours[i]), below }
-            };
-            std::iter::once(line.name.into()).chain((0..PARTS.len()).map(cell)).collect()
-        };
         let level = group.id.confidence.as_ref().map_or(95.0, |of| 100.0 * of.level);
         let note = format!(
             "Towns: {}. ID: {} clips, {} samples; OOD: {} clips, {} samples. Intervals of {level} % by a bootstrap over the \
-             clips. {YARDSTICK}",
+             clips. {}{YARDSTICK}",
             group.towns.join(", "),
             group.id.n_episodes,
             group.id.n_samples,
             group.ood.n_episodes,
             group.ood.n_samples,
+            strict_note([&group.id.strict, &group.ood.strict].into_iter().any(Option::is_some)),
         );
-        let rows = lines.into_iter().map(cells).collect();
+        let rows = lines.iter().map(Line::cells).collect();
         blocks.push(Block::Table(Table::new(["AP"].into_iter().chain(PARTS), rows).with_note(note)));
         blocks.extend(
             seeds_table(results, record, i)
@@ -210,7 +212,7 @@ pub(super) fn reported_blocks(results: &Results, record: &ReportedRecord) -> Vec
 #[cfg(test)]
 mod tests {
     use super::super::test_data::{test_reported, test_results, test_seed_means, test_with_repeats};
-    use super::super::{ReportedRecord, Results, blocks, headline_blocks};
+    use super::super::{ReportedRecord, Results, SetScores, blocks, headline_blocks};
     use crate::report::document::markdown;
 
     #[test]
@@ -232,6 +234,23 @@ mod tests {
         }
         let card = markdown(&headline_blocks(&results, results.headline.as_ref().unwrap()));
         assert!(card.contains("## Split test"), "{card}");
+    }
+
+    #[test]
+    fn strict_figures_stand_above_the_papers_where_they_are_known() {
+        let mut reported = test_reported();
+        let set = &mut reported.groups[0].ood;
+        let mut strict = set.scores.clone();
+        strict.total.mean = Some(0.125);
+        set.strict = Some(strict.clone());
+        let mut results = Results { reported: Some(reported), ..test_results() };
+        let headline = results.headline.as_mut().unwrap();
+        headline.strict = Some(SetScores { id: headline.id, ood: strict });
+        let text = markdown(&blocks(&results));
+        assert_eq!(text.matches("strict 0.125, paper 0.719").count(), 2, "{text}");
+        assert!(text.matches("Strict: with neutral detections as false positives.").count() == 2, "{text}");
+        let without = markdown(&blocks(&test_results()));
+        assert!(!without.contains("trict"), "{without}");
     }
 
     #[test]

@@ -38,6 +38,7 @@ pub fn test_results() -> Results {
         learned_from: None,
         id: ap(0.9),
         ood: columns(0.8),
+        strict: None,
         missed: MissedHarm { id: Some(test_alarms()), ood: Some(test_alarms()) },
         confidence: SetConfidence { id: None, ood: Some(test_confidence()) },
     };
@@ -137,6 +138,7 @@ pub fn test_reported() -> ReportedRecord {
             ood_all: others.map(ap),
             ood_matched: others.map(ap),
         },
+        strict: None,
         missed: others.map(|_| test_alarms()),
         confidence: Some(test_confidence()),
     };

@@ -112,7 +112,8 @@ fn set(
 ) -> anyhow::Result<(ReportedSet, Vec<String>)> {
     let request = experiment.request;
     let samples = test.look(row, &as_it_is(row), towns, mode)?;
-    let protocol = Protocol::default();
+    // At the score that the network warns from, as on the splits that choices are made by.
+    let protocol = Protocol::try_from(trained.eval_config()?)?;
     let evaluation = evaluate(&samples, &protocol, mode)?;
     let paths = test.paths(towns, mode);
     let scored = match &paths[..] {
@@ -133,6 +134,7 @@ fn set(
         n_samples,
         fingerprint: test.fingerprint(towns, mode)?,
         scores: evaluation.metrics.columns,
+        strict: evaluation.metrics.strict,
         missed: evaluation.safety.alarms,
         confidence: evaluation.confidence,
     };

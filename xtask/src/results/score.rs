@@ -153,6 +153,7 @@ fn make(experiment: &Experiment<'_>, row: &Row, judges: &[Judge]) -> anyhow::Res
         trained_on: experiment.id.clone(),
         tested_on: experiment.ood.clone(),
         learned_from: row.learned_from.clone(),
+        strict: strict_of(&id, &ood),
         id: id.scores.total,
         ood: ood.scores,
         missed: MissedHarm { id: id.missed, ood: ood.missed },
@@ -174,6 +175,7 @@ struct Looked<'a> {
     data: &'a Dataset,
     found: Vec<Vec<Detection>>,
     scores: Columns<ClassScores>,
+    strict: Option<Columns<ClassScores>>,
     missed: Option<Alarms>,
     confidence: Option<Confidence>,
     /// Empty where neither judges nor the page ask for them.
@@ -240,8 +242,18 @@ fn look<'a>(
     let kind = if mode == Mode::Id { "id" } else { "ood" };
     let file = experiment.request.out.join("scores").join(format!("{}-{kind}.json", row.name));
     write_atomic(&file, evaluation.metrics.to_json().as_bytes())?;
-    let (scores, missed) = (evaluation.metrics.columns, evaluation.safety.alarms);
-    Ok(Looked { data, found, scores, missed, confidence: evaluation.confidence, sweeps })
+    let (scores, strict) = (evaluation.metrics.columns, evaluation.metrics.strict);
+    let missed = evaluation.safety.alarms;
+    Ok(Looked { data, found, scores, strict, missed, confidence: evaluation.confidence, sweeps })
+}
+
+/// The strict scores of both sets; of one that has no neutral detection they are its scores.
+fn strict_of(id: &Looked<'_>, ood: &Looked<'_>) -> Option<SetScores> {
+    if id.strict.is_none() && ood.strict.is_none() {
+        return None;
+    }
+    let of = |looked: &Looked<'_>| looked.strict.clone().unwrap_or_else(|| looked.scores.clone());
+    Some(SetScores { id: of(id).total, ood: of(ood) })
 }
 
 /// What the boxes come to where a judge decides on them.
