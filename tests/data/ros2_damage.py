@@ -13,8 +13,8 @@ from ros2_world import (
     cloud,
     cloud_message,
     header,
+    image_message,
     make,
-    picture,
     tf_message,
 )
 
@@ -49,16 +49,7 @@ def small(
         message = cloud_of(message, i) if cloud_of else message
         bag.add("/points", "sensor_msgs/msg/PointCloud2", message, time_ns)
         image_ns = time_ns + image_late_ns
-        image = make(
-            "sensor_msgs/msg/Image",
-            header=header(image_ns, camera),
-            height=HEIGHT,
-            width=WIDTH,
-            encoding="rgb8",
-            is_bigendian=0,
-            step=WIDTH * 3,
-            data=picture(i).reshape(-1),
-        )
+        image = image_message(image_ns, camera, i)
         bag.add("/image_raw", "sensor_msgs/msg/Image", image, time_ns)
         info = camera_info(image_ns, camera, K, size=size, d=d or (0.0,) * 5, model=model or "plumb_bob")
         bag.add("/camera_info", "sensor_msgs/msg/CameraInfo", info_of(info) if info_of else info, time_ns)

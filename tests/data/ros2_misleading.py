@@ -10,21 +10,19 @@ from ros2_bag import Bag, add_motion
 from ros2_world import (
     BASE_FROM_LIDAR,
     BASE_FROM_OPTICAL,
-    HEIGHT,
     N_CLOUDS,
     RADIUS_M,
     RINGS,
     SPEED_MPS,
     START_NS,
-    WIDTH,
     K,
     boxes_message,
     camera_info,
     cloud,
     cloud_message,
     header,
+    image_message,
     make,
-    picture,
     point,
     pose,
     quaternion,
@@ -70,16 +68,7 @@ def add_clouds(
 def add_pictures(bag, *, numbers=range(N_CLOUDS)):
     for i in numbers:
         time_ns = START_NS + i * 100_000_000 + 12_000_000
-        image = make(
-            "sensor_msgs/msg/Image",
-            header=header(time_ns, "camera_optical"),
-            height=HEIGHT,
-            width=WIDTH,
-            encoding="rgb8",
-            is_bigendian=0,
-            step=WIDTH * 3,
-            data=picture(i).reshape(-1),
-        )
+        image = image_message(time_ns, "camera_optical", i)
         bag.add("/camera/image_raw", "sensor_msgs/msg/Image", image, time_ns)
         info = camera_info(time_ns, "camera_optical", K)
         bag.add("/camera/camera_info", "sensor_msgs/msg/CameraInfo", info, time_ns)

@@ -207,6 +207,20 @@ def picture(i):
     return np.stack([x * 4, y * 5, np.full_like(x, 40 * i)], axis=-1).astype(np.uint8)
 
 
+def image_message(time_ns, frame, i):
+    """Picture `i` as rgb8."""
+    return make(
+        "sensor_msgs/msg/Image",
+        header=header(time_ns, frame),
+        height=HEIGHT,
+        width=WIDTH,
+        encoding="rgb8",
+        is_bigendian=0,
+        step=WIDTH * 3,
+        data=picture(i).reshape(-1),
+    )
+
+
 def camera_info(time_ns, frame, k, *, model="plumb_bob", d=(0.0,) * 5, p=None, size=(WIDTH, HEIGHT)):
     p = np.zeros(12) if p is None else p
     return make(
