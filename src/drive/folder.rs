@@ -13,8 +13,6 @@ use crate::generate::EpisodePlan;
 use crate::label;
 use crate::outcome::{DriveOutcome, DriveSummary, Origin};
 
-/// Who drove, and by which weights.
-const WHO_FILE: &str = "who.json";
 const OUTCOMES: &str = "outcomes";
 const PREDICTIONS: &str = "predictions";
 
@@ -39,7 +37,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     }
     let mut origins = origins.to_vec();
     for origin in &mut origins {
-        let path = out.join(&origin.who.name).join(WHO_FILE);
+        let path = out.join(&origin.who.name).join(Origin::FILE);
         if !files::is_file(&path)? {
             continue;
         }
@@ -68,7 +66,7 @@ pub(super) fn open(out: &Path, config_toml: &str, origins: &[Origin]) -> Result<
     for origin in &origins {
         let folder = out.join(&origin.who.name);
         fs::create_dir_all(folder.join(OUTCOMES))?;
-        write_sealed(&folder.join(WHO_FILE), &origin.of_file())?;
+        write_sealed(&folder.join(Origin::FILE), &origin.of_file())?;
     }
     Ok(origins)
 }

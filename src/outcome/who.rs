@@ -72,6 +72,9 @@ pub struct Origin {
 }
 
 impl Origin {
+    /// Name of the file in a driver's folder: who drove, and by which weights.
+    pub const FILE: &'static str = "who.json";
+
     /// As a file of its own: that ends with its own `sha256`, so the one in it has the name `source_sha256`.
     #[must_use]
     pub fn of_file(&self) -> serde_json::Value {

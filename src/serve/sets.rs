@@ -22,8 +22,6 @@ use crate::outcome::{Origin, Source};
 
 /// The label set that is shown where none is named, if it is there.
 const DEFAULT_SET: &str = "rect";
-/// What `drive` writes of a driver in the folder of its recorded drives.
-const WHO_FILE: &str = "who.json";
 
 /// What of the data sets is shown.
 #[derive(Debug, Clone, Default)]
@@ -163,7 +161,7 @@ impl Predicted {
 /// How a driver's boxes are scored: from the score from which on it braked for them, even a little.
 fn config_of_driver(folder: &ServedFolder, driven: &Path) -> Option<EvalConfig> {
     let read = || -> Result<Origin, ServeError> {
-        let path = folder.inside(&driven.join(WHO_FILE))?;
+        let path = folder.inside(&driven.join(Origin::FILE))?;
         serde_json::from_str(&read_sealed(&path)?)
             .map_err(|error| ServeError::Trouble { message: format!("{error}: {}", path.display()) })
     };

@@ -284,7 +284,8 @@ mod tests {
     #[test]
     fn what_the_network_that_ships_misses_is_told_of_split_test_once_it_is_known() {
         let results = test_results();
-        let sentence = "with all false positives but those on ignored ground. Development figures, split dev.";
+        let sentence =
+            "with all false positives but those on ignored ground. Development figures, split dev.";
         assert!(top(&results).contains(sentence), "{}", top(&results));
         let reported = Results { reported: Some(test_reported()), ..results };
         assert!(top(&reported).contains("on ignored ground. Split test."), "{}", top(&reported));
