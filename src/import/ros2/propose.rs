@@ -228,7 +228,8 @@ impl Proposal {
 
     fn measured(&mut self, bag: &Bag) -> Result<(), ImportError> {
         let has_poses = !self.mapping.poses.topic.is_empty();
-        let or_poses = |why: String| if why.starts_with("not") { why + "; from the poses" } else { why };
+        let or_poses =
+            |why: String| if has_poses && why.starts_with("not") { why + "; from the poses" } else { why };
         let (speed, why) = measured::speed(bag, has_poses)?;
         self.mapping.speed = speed;
         self.say_measured("speed", or_poses(why));

@@ -73,6 +73,7 @@ pub struct Info {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub made_with: Vec<MadeWith>,
     pub seed: u64,
+    /// Whether it was made with unfamiliar objects, or holds some: recorded drives of scenarios bring their own.
     pub ood: bool,
     /// `None` if the set is not labelled.
     pub label_set: Option<String>,
@@ -206,6 +207,7 @@ fn describe(
         groups.iter().map(|(name, of_name)| (name.clone(), group(of_name))).collect()
     };
     let n_objects = statistics.all.objects.total();
+    let ood = manifest.ood || statistics.all.objects.ood.values().into_iter().any(|n| *n > 0);
     let mut categories: Vec<CategoryInfo> = statistics
         .by_category
         .into_iter()
@@ -222,7 +224,7 @@ fn describe(
         part: manifest.part,
         made_with: manifest.made_with.clone(),
         seed: manifest.seed,
-        ood: manifest.ood,
+        ood,
         label_set,
         note,
         logs: Vec::new(),
@@ -231,7 +233,7 @@ fn describe(
         splits: statistics.by_split.iter().map(|(&split, of_split)| (split, group(of_split))).collect(),
         towns: of_names(&statistics.by_town),
         weathers: of_names(&statistics.by_weather),
-        comparison: comparison::rows(&statistics.all, manifest.ood, is_labelled),
+        comparison: comparison::rows(&statistics.all, ood, is_labelled),
         hardness: Hardness {
             more_than_half_occluded: share(statistics.n_occluded, n_objects),
             ten_points_or_fewer: share(statistics.n_few_points, n_objects),
@@ -305,6 +307,18 @@ mod tests {
         assert_eq!(info(folder.path(), None).unwrap().label_set.as_deref(), Some(DEFAULT_SET));
         let message = info(folder.path(), Some("wide")).unwrap_err().to_string();
         assert!(message.contains("wide") && message.contains(DEFAULT_SET), "{message}");
+    }
+
+    #[test]
+    fn a_set_that_holds_unfamiliar_objects_is_called_so_whatever_its_manifest_says() {
+        let manifest = Manifest::new("0".repeat(64), 7, false);
+        let mut statistics = Statistics::default();
+        let mut text_of = |n_unfamiliar| {
+            statistics.all.objects.ood.static_object = n_unfamiliar;
+            describe(Path::new("drives"), &manifest, None, None, statistics.clone()).to_string()
+        };
+        assert!(text_of(0).starts_with("drives: in distribution,"));
+        assert!(text_of(1).starts_with("drives: in and out of distribution,"));
     }
 
     #[test]
