@@ -13,7 +13,7 @@ PYTHON_SOURCES = python scenes mjcf_assets tests scripts xtask/python
 RESULTS = runs/results
 ABLATIONS = runs/ablations
 
-.PHONY: help setup setup-test setup-golden build demo network-data network network-seed network-rivals network-kinds-seed results beside-results ablations drives report test ci book test-book check-gpu check-logs \
+.PHONY: help setup setup-test setup-golden build demo network-data network other-seed network-seed network-rivals network-kinds-seed results beside-results ablations drives report test ci book test-book check-gpu check-logs \
 	check-mmdet3d bench bench-micro bench-gen bench-eval race miri asan bundle bundle-test wheel wheel-test wheel-root-test bench-ray bench-stream paper-run gallery weathers reference \
 	soak lock sbom audit reproducible fmt clean
 
@@ -96,8 +96,11 @@ network: network-data ## The network inside the program, from nothing: data, tra
 	    "models/small.md names the one that models/small.safetensors is of" >&2; exit 1; }
 	@echo "models/small.safetensors, to the byte"
 
-network-seed: network-data ## The same training from another seed; `make results` sets it beside the network. SEED=1
-	@case "$(SEED)" in ""|0) echo "make network-seed SEED=1 trains from seed 1; 0 is the network's" >&2; exit 2;; esac
+# Before data are made, which takes long.
+other-seed:
+	@case "$(SEED)" in ""|0) echo "SEED=1 trains from seed 1; 0 is that of \`make network\` and \`make network-rivals\`" >&2; exit 2;; esac
+
+network-seed: other-seed network-data ## The same training from another seed; `make results` sets it beside the network. SEED=1
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/seed-$(SEED) $(SCHEDULE) --set seed=$(SEED)
 	$(BIN) calibrate $(NETWORK)/seed-$(SEED) --data $(NETWORK)/val
 
@@ -115,8 +118,7 @@ network-rivals: network-data ## LiDAR alone, the camera alone and a closed set o
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/camera $(SCHEDULE) $(CAMERA_ALONE)
 	$(BIN) calibrate $(NETWORK)/camera --data $(NETWORK)/val
 
-network-kinds-seed: network-data ## The closed set of kinds from another seed, as its figures come near to the network's; hours, resumable. SEED=1
-	@case "$(SEED)" in ""|0) echo "make network-kinds-seed SEED=1 trains from seed 1; \`make network-rivals\` from 0" >&2; exit 2;; esac
+network-kinds-seed: other-seed network-data ## The closed set of kinds from another seed, as its figures come near to the network's; hours, resumable. SEED=1
 	$(BIN) train $(NETWORK)/train --out $(NETWORK)/kinds-$(SEED) $(SCHEDULE) $(CLOSED_SET) --set seed=$(SEED)
 	$(BIN) calibrate $(NETWORK)/kinds-$(SEED) --judge zone-expected --data $(NETWORK)/val
 
